@@ -109,7 +109,7 @@ def rows_of(arm: Cell) -> list[Row]:
         solver.append(
             solve_gco_by_clarabel(
                 regression, scaled_gco_program(regression, tie_break_penalty(regression))
-            ).seconds
+            ).solver_seconds
         )
 
     wall, _, *others = interleave(

@@ -5,7 +5,7 @@ from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, 
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.design.criteria import Criterion, LinearCriterion, mean_square_weight
-from testbench.design.exchange import MAX_SWEEPS, MIN_EXCHANGE_GAIN, Feasibility, exchange_poses
+from testbench.design.exchange import MAX_EXCHANGE_SWEEPS, MIN_EXCHANGE_GAIN, Feasibility, exchange_poses
 from testbench.design.planning import make_plan
 from testbench.design.rows import (
     DesignProblem,
@@ -44,7 +44,7 @@ def try_everything(problem: DesignProblem, criterion: Criterion, start: Ids) -> 
     """The exchange by its definition: every candidate in every place, until a sweep changes nothing."""
     plan = start.copy()
     value = criterion.phi(information(problem, plan))
-    for _ in range(MAX_SWEEPS):
+    for _ in range(MAX_EXCHANGE_SWEEPS):
         before = value
         for k in range(len(plan)):
             reached = criterion.phi_with_candidate(information(problem, np.delete(plan, k)), problem.rows)

@@ -62,7 +62,7 @@ class DeterminantCriterion:
         return float(np.exp(size / len(M))) if sign > 0 else 0.0
 
     def phi_with_candidate(self, M: Array, rows: Array) -> Array:
-        """Compute Phi with one more candidate, by det(M + F^T F) = det(M) det(1 + F M^-1 F^T).
+        """Compute Phi = det(M)^(1/r) with one more candidate: det(M + F^T F) = det(M) det(1 + F M^-1 F^T).
 
         Mathematics: `pose-7`.
 
@@ -115,7 +115,7 @@ class LinearCriterion:
         return float(1 / np.trace(np.linalg.solve(M, self.W)))
 
     def phi_with_candidate(self, M: Array, rows: Array) -> Array:
-        """Compute Phi with one more candidate, by Woodbury's formula.
+        """Compute Phi = 1 / tr(W M^-1) with one more candidate, by Woodbury's formula.
 
         Mathematics: `pose-7`.
 
@@ -153,7 +153,7 @@ class LargestCriterion:
     #: Function of information matrices, (..., r, r), to their costs, (..., k).
     costs: Callable[[Array], Array]
     #: Function of M, (r, r), and weights of the costs with sum one, (k,), to the W of their mean, (r, r).
-    weighting: Callable[[Array, Array], Array]
+    weight_matrix: Callable[[Array, Array], Array]
 
     def phi(self, M: Array) -> float:
         """Compute Phi(M), one over the largest of the costs tr(W_i M^-1).
@@ -203,7 +203,7 @@ class LargestCriterion:
 
     def _weighted(self, M: Array, costs: Array) -> Array:
         share = (costs / costs.max()) ** (POWER_MEAN_EXPONENT - 1)
-        return self.weighting(M, share / share.sum())
+        return self.weight_matrix(M, share / share.sum())
 
 
 Criterion = DeterminantCriterion | LinearCriterion | LargestCriterion  #: An information function.
@@ -320,9 +320,10 @@ def gram_matrices(rows: Array) -> Array:
 
 @dataclass(frozen=True)
 class CandidateGains:
-    """Hold what each candidate would reduce tr(W M^-1) by: tr(K^-1 N), K = 1 + F I F^T, N = F I W I F^T.
+    """Hold how much each candidate would reduce the cost tr(W M^-1) of a plan with information matrix M.
 
-    I is M^-1. If M changes by a few rows, `update_gains` updates I, K and N.
+    The reduction is tr(K^-1 N) with K = 1 + F I F^T and N = F I W I F^T, where I = M^-1 and F are the
+    candidate's whitened rows. If M changes by a few rows, `update_gains` updates I, K and N.
     """
 
     rows: Array  #: Whitened rows F of every candidate, (candidates, k, r).
@@ -371,7 +372,7 @@ def candidate_gains(M: Array, rows: Array, W: Array) -> CandidateGains:
     return CandidateGains(rows, W, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
 
 
-def update_gains(gains: CandidateGains, M: Array, rows: Array, signs: Array) -> CandidateGains:
+def update_gains(gains: CandidateGains, M: Array, changed_rows: Array, signs: Array) -> CandidateGains:
     """Update what each candidate would reduce tr(W M^-1) by, after M gained or lost rows (Woodbury).
 
     With the rows f, their signs D, U = I f^T, V = I W U and S = D + f U, the new inverse is I - U S^-1 U^T.
@@ -383,14 +384,14 @@ def update_gains(gains: CandidateGains, M: Array, rows: Array, signs: Array) -> 
     Args:
         gains: Gains at the information matrix before the change.
         M: Information matrix after the change, (r, r) [1].
-        rows: Whitened rows f that M gains or loses, (k, r).
+        changed_rows: Whitened rows f that M gains or loses, (k, r).
         signs: 1 for a row that M gains, -1 for one that it loses, (k,).
 
     Returns:
         Gains at M.
     """
-    U = gains.I @ rows.T
-    S = np.diag(signs) + rows @ U
+    U = gains.I @ changed_rows.T
+    S = np.diag(signs) + changed_rows @ U
     # M grows or shrinks along k directions by the eigenvalues of D S: differences lose that many digits
     change = np.linalg.eigvals(signs[:, None] * S).real
     accuracy = gains.accuracy * float(min(change.min(), 1 / max(change.max(), 1.0)))

@@ -59,7 +59,9 @@ from testbench.progress import stepwise
 FIRST_CANDIDATES, JOINING_CANDIDATES = 120, 40
 MAX_RELAXATION_ROUNDS = 40  #: Most rounds, each with better weights and a new bound.
 RELAXATION_GAP = 1e-3  #: Relative gap from a tangent's height to the bound at which the rounds end [1].
-MIN_WEIGHT = 1e-6  #: Weight over the mean weight, below which a candidate leaves the working set [1].
+MIN_CANDIDATE_WEIGHT = (
+    1e-6  #: Weight over the mean weight, below which a candidate leaves the working set [1].
+)
 MAX_MULTIPLICATIVE_STEPS = 150  #: Most multiplicative steps in a round.
 FIRST_EXPONENT, EXPONENT_GROWTH, MAX_EXPONENT = 0.5, 1.3, 2.0
 """First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
@@ -140,7 +142,7 @@ def solve_relaxed_design(
 
 def _exchange_members(g: Array, S: Ids, w: Array) -> tuple[Ids, Array]:
     """Drop candidates without weight from the working set; add the most sensitive ones at weight zero."""
-    total, stay = w.sum(), w > MIN_WEIGHT * w.mean()
+    total, stay = w.sum(), w > MIN_CANDIDATE_WEIGHT * w.mean()
     new = np.setdiff1d(np.argsort(-g, kind="stable")[:JOINING_CANDIDATES], S[stay])
     S, w = np.r_[S[stay], new], np.r_[w[stay], np.zeros(len(new))]
     return S, np.asarray(w * total / w.sum())
@@ -233,7 +235,7 @@ MAX_STARTS, MAX_MINIMAX_STARTS, MAX_START_POSES = 12, 4, 190
 """Most random starts from the relaxed weights; most for G and E, whose trials cost more; and most poses of
 all random starts together. The greedy start comes in addition."""
 MAX_MINIMAX_CANDIDATES = 1000  #: Number of the most sensitive candidates that may start plans by G and E.
-MAX_SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
+MAX_EXCHANGE_SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
 MIN_EXCHANGE_GAIN = 1e-7  #: Least relative gain of Phi for which a pose is exchanged [1].
 STALE_TANGENT_SHARE = 1 / 8
 """Share of candidates that an old tangent plane does not exclude, from which a new one is computed [1]."""
@@ -332,7 +334,7 @@ def _exchange_linear(prior: Array, W: Array, rows: Array, plan: Ids) -> Ids:
     gains = candidate_gains(add_information(prior, rows[plan]), rows, W)
     before, after = prior, suffix_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
-    for k in itertools.islice(itertools.cycle(range(len(plan))), MAX_SWEEPS * len(plan)):
+    for k in itertools.islice(itertools.cycle(range(len(plan))), MAX_EXCHANGE_SWEEPS * len(plan)):
         if k == 0:
             before, after = prior, suffix_information(rows[plan])
         rest, replaced = before + after[k + 1], rows[plan[k]]
@@ -366,7 +368,7 @@ def _exchange_promising(prior: Array, criterion: Criterion, rows: Array, plan: I
     before = prior
     after = suffix_information(rows[plan])
     # `before` and `after` sum the information of the poses before and behind k: the plan without k
-    for k in itertools.islice(itertools.cycle(range(len(plan))), MAX_SWEEPS * len(plan)):
+    for k in itertools.islice(itertools.cycle(range(len(plan))), MAX_EXCHANGE_SWEEPS * len(plan)):
         if k == 0:
             before, after = prior, suffix_information(rows[plan])
         # promising candidates: in place of k they lift the plane, a bound of Phi, above Phi of the plan
@@ -420,7 +422,7 @@ Feasible = Callable[[Array], Mask]
 class Feasibility:
     """Hold two checks: of poses that the arm can take, and of motions between two poses."""
 
-    feasible: Feasible  #: Function that tells which poses the arm can take and the tracker can see.
+    poses_are_feasible: Feasible  #: Function that tells which poses the arm can take and the tracker can see.
     #: Function of two poses, (n,) [rad, m] each, that tells if the arm can move straight between them.
     path_is_clear: Callable[[Array, Array], bool] = lambda _start, _end: True
 
@@ -437,19 +439,19 @@ class PoseSearch:
     #: Function of poses, (..., n) [rad, m], that sets the dependent joints to follow the others.
     with_dependent_joints: Callable[[Array], Array] = lambda q: q
 
-    def draw_around(self, q: Array, step: Array) -> Array:
-        """Draw poses around others within the joint limits, with normal steps.
+    def draw_around(self, q: Array, step_deviation: Array) -> Array:
+        """Draw poses around others within the joint limits, with normally distributed steps.
 
         Args:
             q: Actuated joints, (..., n) [rad, m].
-            step: Standard deviation of the step, (..., n) [rad, m]; broadcasts with q.
+            step_deviation: Standard deviation of the step, (..., n) [rad, m]; broadcasts with q.
 
         Returns:
             Poses, (..., n) [rad, m].
         """
-        shape = np.broadcast_shapes(q.shape, step.shape)
+        shape = np.broadcast_shapes(q.shape, step_deviation.shape)
         return self.with_dependent_joints(
-            np.clip(q + step * self.rng.standard_normal(shape), *self.joint_limits)
+            np.clip(q + step_deviation * self.rng.standard_normal(shape), *self.joint_limits)
         )
 
 
@@ -484,7 +486,9 @@ def refine_plan(
                 rest = before + after[k + 1]
                 # the best feasible neighbour that helps replaces the pose; without one its step shrinks
                 better = _better(criterion, reached, read[k], tells, rest)
-                allowed = better[search.feasibility.feasible(trial[better])] if len(better) else better
+                allowed = (
+                    better[search.feasibility.poses_are_feasible(trial[better])] if len(better) else better
+                )
                 if len(allowed):
                     q[k], read[k] = trial[allowed[0]], tells[allowed[0]]
                     reached = _reach(criterion, rest + read[k].T @ read[k])
@@ -547,7 +551,7 @@ def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search:
         best = reached.argmax(axis=0)
         trial, reached = trial[best, np.arange(len(q))], reached.max(axis=0)
         better = np.flatnonzero(reached > (1 + MIN_REFINEMENT_GAIN) * value)
-        better = better[search.feasibility.feasible(trial[better])] if len(better) else better
+        better = better[search.feasibility.poses_are_feasible(trial[better])] if len(better) else better
         q[better], value[better] = trial[better], reached[better]
         step[np.setdiff1d(np.arange(len(q)), better)] *= STEP_SHRINKAGE
     return q
@@ -655,13 +659,13 @@ def collect_placed_gauges(
     return PlacedGauges(gauges, gauge_plan.marker, gauge_plan.axis, _deviations(d, gauges)[index])
 
 
-def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids, Array]:
+def most_informative_gauges(rows: Array, Z: Array, n_gauges: int) -> tuple[Ids, Ids, Array]:
     """Choose the most sensitive gauges of each pose: every marker's best axis, then the best markers.
 
     Args:
         rows: Whitened rows of a gauge at every marker along every axis, `gauge_rows`, (poses, m, 3, r) [1].
         Z: Matrix of a tangent plane of Phi, (r, r).
-        count: Number of gauges that are read in a pose.
+        n_gauges: Number of gauges that are read in a pose.
 
     Returns:
         Markers and axes, (poses, count) each, and the sensitivity <Z, F^T F> of the poses with these gauges,
@@ -669,7 +673,7 @@ def most_informative_gauges(rows: Array, Z: Array, count: int) -> tuple[Ids, Ids
     """
     sensitivities = sensitivity(rows.reshape(-1, 1, rows.shape[-1]), Z).reshape(rows.shape[:3])
     best = sensitivities.max(axis=2)
-    marker = np.sort(np.argsort(-best, axis=1, kind="stable")[:, :count], axis=1)
+    marker = np.sort(np.argsort(-best, axis=1, kind="stable")[:, :n_gauges], axis=1)
     every = np.arange(len(rows))[:, None]
     return marker, sensitivities.argmax(axis=2)[every, marker], best[every, marker].sum(axis=1)
 

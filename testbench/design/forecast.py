@@ -202,17 +202,19 @@ class LinearFit:
     """Hold the affine fit x_m = K y + k of a model to whitened readings y of an arm with more unknowns."""
 
     full_setup: MeasurementSetup  #: The measurement with all N unknowns of the arm.
-    uncertainty: float  #: Relative standard deviation u of the arm's compliances about their expectation [1].
+    arm_uncertainty: (
+        float  #: Relative standard deviation u of the arm's compliances about their expectation [1].
+    )
     model_setup: MeasurementSetup  #: The measurement with the n unknowns of the model.
     #: Response to noise: K, or a matrix of at most n columns with the same K K^T, (n, columns) [1].
     noise_response: Array
     constant: Array  #: Constant k of the fit, (n,) [1].
-    gain: Array  #: K A: response of the fit to each unknown of the arm, (n, N) [1].
+    unknowns_response: Array  #: K A: response of the fit to each unknown of the arm, (n, N) [1].
 
 
 def linear_fit(
     full_setup: MeasurementSetup,
-    uncertainty: float,
+    arm_uncertainty: float,
     spec: PlanSpecification,
     whitened_rows: Callable[[PlanSpecification], Array],
 ) -> LinearFit:
@@ -222,14 +224,14 @@ def linear_fit(
 
     Args:
         full_setup: The measurement with all unknowns of the arm.
-        uncertainty: Relative standard deviation of the arm's compliances about their expectation [1].
+        arm_uncertainty: Relative standard deviation of the arm's compliances about their expectation [1].
         spec: Specification with the model's unknowns and prior.
         whitened_rows: Function of a specification to the whitened rows of all readings of the plan per unit
             of its unknowns x, (poses, k, n) [1].
     """
     A = _flat(whitened_rows(replace(spec, setup=full_setup)))
     K, k = _fit(spec, _flat(whitened_rows(spec)))
-    return LinearFit(full_setup, uncertainty, spec.setup, _narrow(K), k, K @ A)
+    return LinearFit(full_setup, arm_uncertainty, spec.setup, _narrow(K), k, K @ A)
 
 
 def forecast_fit(fit: LinearFit, q: Array, load: Load) -> Forecast:
@@ -263,9 +265,9 @@ def _error(fit: LinearFit, q: Array, load: Load) -> tuple[Array, Array]:
     """Compute bias and spread of the predictions, as `forecast_normal_errors` takes them."""
     # D = T - T_m K A acts on the arm's unknowns, T_m K on the noise
     T, model_rows = (deflection_rows(setup, q, load) for setup in (fit.full_setup, fit.model_setup))
-    D = T - model_rows @ fit.gain
+    D = T - model_rows @ fit.unknowns_response
     bias = D @ fit.full_setup.scaling.expected_x - model_rows @ fit.constant
-    return bias, np.concatenate([fit.uncertainty * D, model_rows @ fit.noise_response], axis=2)
+    return bias, np.concatenate([fit.arm_uncertainty * D, model_rows @ fit.noise_response], axis=2)
 
 
 def _fit(spec: PlanSpecification, A: Array) -> tuple[Array, Array]:

@@ -666,7 +666,7 @@ def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.rand
         rng: Source of the random plans.
     """
     spec, problem = plan.specification, plan.candidates.problem
-    error = error_function(problem, rows)
+    error = prediction_error_function(problem, rows)
 
     def errors(plans: Iterable[Ids]) -> Array:
         whole = spec.prior_uncertainty is not None
@@ -693,7 +693,7 @@ def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.rand
     )
 
 
-def error_function(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
+def prediction_error_function(problem: DesignProblem, rows: Array) -> Callable[[Ids], float]:
     """Make a function that computes the RMS error of some predictions after any plan of candidates.
 
     Args:

@@ -303,15 +303,15 @@ def suffix_information(rows: Array) -> Array:
     return sums
 
 
-def add_information(prior: Array, rows: Array) -> Array:
+def add_information(prior_information: Array, rows: Array) -> Array:
     """Compute the information matrix M = prior + sum F^T F of readings in some poses.
 
     Args:
-        prior: Information before the readings, (r, r) [1].
+        prior_information: Information before the readings, (r, r) [1].
         rows: Whitened rows F of every pose, (poses, k, r).
 
     Returns:
         M, (r, r) [1].
     """
-    A = rows.reshape(-1, prior.shape[0])
-    return np.asarray(prior + A.T @ A)
+    A = rows.reshape(-1, prior_information.shape[0])
+    return np.asarray(prior_information + A.T @ A)

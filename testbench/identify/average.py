@@ -58,10 +58,10 @@ from testbench.model.structure import Structure
 
 TRIED_POSE_VARIATIONS = 0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.56
 """Relative variations rho of link compliances from pose to pose that are tried [1]."""
-MIN_LOG_EVIDENCE_GAIN = math.log(10)
+MIN_VARIATION_EVIDENCE_GAIN = math.log(10)
 """Log evidence that rho must gain. 19 arms of the family with all disturbances do not gain it. Of 13
 undisturbed ones one does, and then errs 5 % more (`kr500_l480`, seeds 5000 on, 8 poses)."""
-MAX_LOG_EVIDENCE_LOSS = 1.5
+MAX_VARIATION_EVIDENCE_LOSS = 1.5
 """Log evidence that a larger rho may be below the best: the learnt prior already explains some of the
 variation."""
 ROW_ROUNDING = 1e-9
@@ -84,10 +84,10 @@ def pose_to_pose_variation(
 
     Returns:
         rho: standard deviation of a link's compliance over poses, relative to its mean; 0 if the log evidence
-        gains less than `MIN_LOG_EVIDENCE_GAIN` [1].
+        gains less than `MIN_VARIATION_EVIDENCE_GAIN` [1].
     """
     gains = _variation_evidence(regression, _uncoupled_fit(estimate))
-    if gains.max() - gains[0] < MIN_LOG_EVIDENCE_GAIN:
+    if gains.max() - gains[0] < MIN_VARIATION_EVIDENCE_GAIN:
         return 0.0
     return TRIED_POSE_VARIATIONS[np.flatnonzero(gains >= gains.max() - max_evidence_loss)[-1]]
 
@@ -226,7 +226,7 @@ few: of 16 arms of the family, cast and coupled ones, two do not surely predict 
 err 2.5 times as much; their log evidence is 30 to 136. For five arms with links 10 times stiffer that are
 worse than joints only it is 4, 5, 7, 12 and 23 (`kr500_l480`, seeds 793001 to 793006, 770015 to 770044, 8
 poses)."""
-NEGLIGIBLE_WEIGHT = 0.01  #: Weight below which joints only are left out.
+NEGLIGIBLE_JOINTS_ONLY_WEIGHT = 0.01  #: Weight below which joints only are left out.
 INTERVAL_ODDS_EXPONENT = 0.5
 """Exponent of the odds of models, even prior odds included, in intervals: Laplace's evidence of few readings
 is uncertain. It raises the coverage in the worst tenth of disturbed arms from 78 to 84 % (seeds 1 to 40, 11
@@ -294,7 +294,7 @@ def _with_varying_links(
         first = average_models(
             weight_for_pose_variation(regression, start.pi, rho), constraint, priors[0], for_intervals=False
         )
-        rho = pose_to_pose_variation(regression, first, MAX_LOG_EVIDENCE_LOSS)
+        rho = pose_to_pose_variation(regression, first, MAX_VARIATION_EVIDENCE_LOSS)
         return (
             _average_priors(weight_for_pose_variation(regression, first.pi, rho), constraint, *priors)
             if rho
@@ -316,7 +316,7 @@ def _fit_before_laws(regression: Regression, estimate: Estimate) -> Estimate:
     if plain is None or with_laws is None or plain.log_evidence is None or with_laws.log_evidence is None:
         return estimate
     gains = _variation_evidence(regression, known.links_and_joints)
-    changing = plain.log_evidence + gains.max() - gains[0] - MIN_LOG_EVIDENCE_GAIN
+    changing = plain.log_evidence + gains.max() - gains[0] - MIN_VARIATION_EVIDENCE_GAIN
     return (
         known.links_and_joints
         if changing > with_laws.log_evidence - math.log(LINEAR_JOINTS_PRIOR_ODDS)
@@ -715,7 +715,7 @@ def _average_joints(
     odds = log_evidence - weighted_prior.log_evidence + math.log(JOINTS_ONLY_PRIOR_ODDS)
     weight = _logistic(odds)
     total_evidence = weighted_prior.log_evidence + float(np.logaddexp(0, odds))
-    if weight < NEGLIGIBLE_WEIGHT:
+    if weight < NEGLIGIBLE_JOINTS_ONLY_WEIGHT:
         return whole, total_evidence
     joints_fit = solve(regression, constraint, joints_prior)
     probability = min(

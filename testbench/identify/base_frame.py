@@ -17,7 +17,13 @@ import numpy as np
 from testbench.data.dataset import Dataset, Series, runs_of_station, select_rows, series_from_runs
 from testbench.errors import Array, BenchError, Mask, check_type
 from testbench.identify.equations import check_runs, resolve_line_readings
-from testbench.identify.registration import Frame, Registration, arm_reach, largest_deviation, register
+from testbench.identify.registration import (
+    Frame,
+    Registration,
+    largest_deviation,
+    median_tool_distance,
+    register,
+)
 from testbench.model.vjm import Vjm, marker_positions, skew, tool_points
 
 FrameChoice = Literal["auto", "base", "tracker"]
@@ -97,9 +103,9 @@ def register_dataset(
     try:
         given = base if frame == "base" else {} if isinstance(frame, str) else frame
         registration = register(vjm, series, nominal, given)
-        far = arm_reach(vjm, data.q)
+        far = median_tool_distance(vjm, data.q)
         if frame == "auto" and registration.median_distance > MAX_NOMINAL_DISTANCE * far:
-            fit = f"({1e3 * registration.rms:.3g} mm RMS)"
+            fit = f"({1e3 * registration.rms_distance:.3g} mm RMS)"
             raise BenchError(f"the unloaded readings do not fit the arm in any frame {fit}")
         if frame == "auto" and all(
             _is_base(readings, registration.frames[readings.frame], far) for readings in series

@@ -196,11 +196,11 @@ def lower_bound_certificate(
     cost, free = f_m(regression, pi), np.zeros(s.n_parameters)
 
     def over(cost: float, trace_gradient: Array) -> float:
-        """Bound how far a cost lies above the least value of its program.
+        """Bound how far a cost lies above its least value over positive semi-definite compliances.
 
         Args:
-            cost: F_M, or F_M with the trace term [1].
-            trace_gradient: Gradient of the trace term that the cost includes, (n,).
+            cost: F_M of pi, or F_M plus the trace term [1].
+            trace_gradient: Gradient of the trace term that the cost includes; zero for F_M alone, (n,).
 
         Returns:
             Upper bound of the distance [1].
@@ -334,7 +334,7 @@ class ConicSolution:
     """Hold the parameters that a solver of GCO found, with a dual that bounds their cost over the optimum."""
 
     pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
-    seconds: float  #: Time inside the solver [s].
+    solver_seconds: float  #: Time inside the solver [s].
     failure: str  #: Status to report if the dual does not prove that pi is close to the optimum.
     dual: Dual  #: Dual vectors y_k of GCO.
 
@@ -381,7 +381,7 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
         estimate,
         status="solved" if reached and estimate.conservative else answer.failure,
         certificate=certificate,
-        solver_seconds=answer.seconds,
+        solver_seconds=answer.solver_seconds,
         penalty=penalty,
         split_parameters=pi,
         bounded_by_tie_break=bool(

@@ -388,11 +388,6 @@ class LearntPriorModel:
         """Return the number K of scales of links, joints and joint laws."""
         return len(self.scale_kinds)
 
-    @property
-    def n_after_link_factors(self) -> int:
-        """Return the number of hyperparameters after log w in h: 3, or 4 with joint couplings."""
-        return 3 + self.has_joint_couplings
-
     def entry_scales(self, h: Array) -> Array:
         """Compute the prior scale of every entry of x from the hyperparameters.
 
@@ -541,10 +536,8 @@ def learn_prior(
     posterior = maximise_evidence(model.evidence, model.hyperparameter_medians)
     h = posterior.h
     u, c, kappa = np.exp(h[-3:])
-    shares, first = (
-        np.ones(len(scaling.block_orders)),
-        len(h) - model.n_after_link_factors - len(model.link_scale_indices),
-    )
+    first = model.n_scales + model.scale_kinds.max() + 1  # log w is behind the scales and their factors
+    shares = np.ones(len(scaling.block_orders))
     shares[model.link_scale_indices] = np.exp(h[first : first + len(model.link_scale_indices)])
     tie = float(np.exp(h[-4]) / kappa) if model.has_joint_couplings else None
     weighted_prior = WeightedPrior(

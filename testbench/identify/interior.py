@@ -47,7 +47,7 @@ STOP_DISTANCE_OF_SQUARES = 1e-14
 """Bound of half the sum of squares above its optimum at which the method ends, data of order one [1]."""
 ZERO_RESIDUAL = 1e-9
 """Norm of a residual below which it has no direction, so that no dual proves the optimum [1]."""
-MIN_STEP = 1e-6
+MIN_STEP_LENGTH = 1e-6
 """Length of a step, 1 for a full one, below which the method ends [1]."""
 STALL_DISTANCE = 1e-7
 """Bound of the cost above its optimum below which a step that does not halve it is the last one."""
@@ -253,7 +253,7 @@ def solve_program(program: BlockProgram) -> Iterate:
             if cost <= best + near:  # near no residual at all rounding makes steps wild
                 iterate, best = state, min(best, cost)
             left = state.distance_from_optimum(program)
-            if not (left > near and state.norms.min() > least and state.step_length >= MIN_STEP):
+            if not (left > near and state.norms.min() > least and state.step_length >= MIN_STEP_LENGTH):
                 break
             if left < STALL_DISTANCE and left > before / 2:
                 break

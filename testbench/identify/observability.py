@@ -50,9 +50,9 @@ from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, observati
 
 MIN_PARTICIPATION = 0.15
 """Change of a parameter over the largest change in a direction, from which it takes part in it [1]."""
-ZERO_ENTRY = 1e-7
+ZERO_DIRECTION_ENTRY = 1e-7
 """Change of a parameter over the largest change in a direction, below which it counts as zero [1]."""
-MIN_NEW_SHARE = 1e-5
+MIN_NEW_DIRECTION_SHARE = 1e-5
 """Part of a direction orthogonal to those found before, over its length, from which it counts as new [1]."""
 NEIGHBOUR_COUNTS = (1, 2, 3, 5)
 """Numbers of neighbouring links and joints whose directions are searched together, before those of all."""
@@ -101,7 +101,7 @@ class UndeterminedQuantity:
     remaining_variance_share: float = (
         1.0  #: Variance that remains after the readings, over the prior variance [1].
     )
-    correlation: float = 0.0  #: Multiple correlation with `confounded_with` after the readings [1].
+    multiple_correlation: float = 0.0  #: Multiple correlation with `confounded_with` after the readings [1].
     #: Index of the joint to move in further poses; the number of joints if all must move, -1 if no motion
     #: helps; None if it was not requested.
     joint_to_turn: int | None = None
@@ -151,11 +151,11 @@ def unobservable_directions(
         rows = echelon_directions(null_space(R[:, window]), parameter_sizes[window])
         T = np.zeros((len(rows), A.shape[1]))
         T[:, window] = rows
-        for row in T[np.argsort((np.abs(T) > ZERO_ENTRY).sum(axis=1), kind="stable")]:
+        for row in T[np.argsort((np.abs(T) > ZERO_DIRECTION_ENTRY).sum(axis=1), kind="stable")]:
             new = row / np.linalg.norm(row)
             for _ in range(2):  # twice is enough
                 new = new - (Q @ new) @ Q
-            if np.linalg.norm(new) > MIN_NEW_SHARE:
+            if np.linalg.norm(new) > MIN_NEW_DIRECTION_SHARE:
                 basis = np.vstack([basis, row])
                 Q = np.vstack([Q, new / np.linalg.norm(new)])
     return basis
@@ -202,7 +202,7 @@ def echelon_directions(N: Array, parameter_sizes: Array) -> Array:
 def describe_direction(direction: Array) -> UnobservableDirection:
     """Describe an unobservable direction, (n,) [1], by its parameters, the one that changes most first."""
     size = np.abs(direction) / np.abs(direction).max()
-    order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_ENTRY]
+    order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] > ZERO_DIRECTION_ENTRY]
     return UnobservableDirection(
         tuple(k for k in order if size[k] >= MIN_PARTICIPATION),
         tuple(k for k in order if size[k] < MIN_PARTICIPATION),
@@ -379,11 +379,11 @@ class Identifiability:
     parameter_components: tuple[str, ...]  #: Name of the link or joint of every parameter, n names.
     #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
     parameter_entries: Array
-    prior: str  #: Name of the prior.
-    uncertainty: float  #: Relative standard deviation of the prior, u [1].
+    prior_name: str  #: Name of the prior.
+    prior_uncertainty: float  #: Relative standard deviation of the prior, u [1].
     rank: int  #: Number of directions of pi that the dataset observes.
-    rank_of_loads: int  #: Rank of a dataset with these loads and markers in any number of poses.
-    rank_of_structure: int  #: Rank of a dataset with any loads, markers and poses.
+    max_rank_under_loads: int  #: Rank of a dataset with these loads and markers in any number of poses.
+    max_rank_of_structure: int  #: Rank of a dataset with any loads, markers and poses.
     #: Largest number of independent equations in the dataset: 6 per pose and load with a full reading.
     max_independent_equations: int
     n_poses: int  #: Number of different poses in the dataset.
@@ -395,7 +395,7 @@ class Identifiability:
         UnobservableDirection, ...
     ]  #: Further directions that no pose under these loads observes.
     #: Participation of every parameter in the directions lost to too few poses, 0 to 1, (n,) [1].
-    missing_directions: Array
+    participation_lost_to_poses: Array
     #: Share of the prior variance of every parameter that the readings explain, at a known common scale of
     #: all compliances, 0 to 1, (n,) [1].
     explained_share: Array
@@ -404,9 +404,9 @@ class Identifiability:
     proposals: tuple[MeasurementProposal, ...]  #: Readings that would help, the best first.
 
     @property
-    def lost_to_poses(self) -> int:
+    def n_lost_to_poses(self) -> int:
         """Count the directions that more poses under the same loads would observe."""
-        return self.rank_of_loads - self.rank
+        return self.max_rank_under_loads - self.rank
 
 
 def describe_identifiability(
@@ -444,17 +444,17 @@ def describe_identifiability(
         structure=structure,
         parameter_components=component,
         parameter_entries=entry,
-        prior=prior.name,
-        uncertainty=uncertainty.relative,
+        prior_name=prior.name,
+        prior_uncertainty=uncertainty.relative,
         rank=structure.n_parameters - null_space(own).shape[1],
-        rank_of_loads=structure.n_parameters - len(to_structure) - len(to_loads),
-        rank_of_structure=structure.n_parameters - len(to_structure),
+        max_rank_under_loads=structure.n_parameters - len(to_structure) - len(to_loads),
+        max_rank_of_structure=structure.n_parameters - len(to_structure),
         max_independent_equations=_equations(vjm, data),
         n_poses=len(np.unique(data.q, axis=0)),
         lost_to_structure=tuple(map(describe_direction, to_structure)),
         unloaded_parameters=tuple(np.flatnonzero(zero_columns(loads)).tolist()),
         lost_to_loads=tuple(map(describe_direction, to_loads)),
-        missing_directions=parameter_participation(null_space(own), null_space(loads), unit),
+        participation_lost_to_poses=parameter_participation(null_space(own), null_space(loads), unit),
         explained_share=_share(known, scaled, uncertainty),
         expected_error=expected_error(known, wanted),
         expected_deflection=math.sqrt(np.square(moved).mean()),
@@ -642,7 +642,7 @@ def with_zero_readings(data: Dataset, **changes: object) -> Dataset:
 
     Args:
         data: Measured runs.
-        changes: New values of fields of the dataset, such as run, q, markers or wrench.
+        changes: New values of fields of the dataset, such as run_id, q, markers or wrench.
 
     Returns:
         The dataset, with point readings of equal noise.

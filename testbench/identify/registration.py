@@ -48,7 +48,7 @@ class MeanReadings:
 
     frame_index: Ids  #: Index of every reading's frame, (n,).
     target_index: Ids  #: Index of every reading's target, (n,).
-    reading: Array  #: Measured positions in the frame's axes, (n, 3) [m].
+    position: Array  #: Measured positions in the frame's axes, (n, 3) [m].
     covariance: Array  #: Covariance of the noise of every mean reading in the frame's axes, (n, 3, 3) [m^2].
     tool_rotation: Array  #: Orientation of the tool in base axes, by the arm's kinematics, (n, 3, 3).
     tool_position: Array  #: Position of the tool in base axes, by the arm's kinematics, (n, 3) [m].
@@ -143,7 +143,7 @@ def _targets_by_hand_eye(readings: MeanReadings, targets: int) -> Array:
     n = np.arange(in_frame.sum())
     A = np.zeros((len(n), 3, 12 + 3 * len(read)))
     for axis in range(3):
-        A[:, axis, 3 * axis : 3 * axis + 3] = readings.reading[in_frame]
+        A[:, axis, 3 * axis : 3 * axis + 3] = readings.position[in_frame]
         A[:, axis, 9 + axis] = -1
         A[n, :, 12 + 3 * at + axis] = -R[:, :, axis]
     x, _, rank, _ = np.linalg.lstsq(
@@ -163,13 +163,13 @@ def _complete_layout(readings: MeanReadings, layout: FramesAndTargets) -> Frames
             use = (readings.frame_index == s) & np.isfinite(targets[readings.target_index, 0])
             if use.sum() >= MIN_FRAME_POINTS:
                 rotation[s], translation[s] = kabsch(
-                    targets_in_base(readings, targets)[use], readings.reading[use]
+                    targets_in_base(readings, targets)[use], readings.position[use]
                 )
         for k in np.flatnonzero(np.isnan(targets[:, 0])):
             use = (readings.target_index == k) & np.isfinite(translation[readings.frame_index, 0])
             if use.any():
                 at = readings.frame_index[use]
-                base = np.vecmat(readings.reading[use] - translation[at], rotation[at])
+                base = np.vecmat(readings.position[use] - translation[at], rotation[at])
                 targets[k] = np.median(
                     np.vecmat(base - readings.tool_position[use], readings.tool_rotation[use]), axis=0
                 )
@@ -206,7 +206,7 @@ def registration_residuals(readings: MeanReadings, frames_and_targets: FramesAnd
         frames_and_targets.rotation[readings.frame_index],
         targets_in_base(readings, frames_and_targets.targets),
     )
-    return np.asarray(readings.reading - x - frames_and_targets.translation[readings.frame_index])
+    return np.asarray(readings.position - x - frames_and_targets.translation[readings.frame_index])
 
 
 def kabsch(points: Array, readings: Array, *, mirrored: bool = False) -> tuple[Array, Array]:
@@ -390,7 +390,7 @@ class Frame:
 
     @property
     def rotation_deviation(self) -> float:
-        """Compute the standard deviation of the rotation about the axis where it is largest [rad]."""
+        """Compute the standard deviation of `rotation` about the axis where it is largest [rad]."""
         return largest_deviation(self.covariance[:3, :3])
 
 
@@ -431,7 +431,7 @@ class Registration:
         return np.asarray(np.sqrt(variances).reshape(-1, 3))
 
     @property
-    def rms(self) -> float:
+    def rms_distance(self) -> float:
         """Compute the RMS distance of mean readings from their positions by the rigid arm [m]."""
         return float(np.sqrt(np.mean(self.distances**2)))
 
@@ -494,7 +494,7 @@ def largest_deviation(covariance: Array) -> float:
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0)))
 
 
-def arm_reach(vjm: Vjm, q: Array) -> float:
+def median_tool_distance(vjm: Vjm, q: Array) -> float:
     """Compute the median distance of the tool from the arm's base over some poses.
 
     Args:

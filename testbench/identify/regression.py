@@ -367,10 +367,10 @@ class TriangularFactors:
         self.factors[at] = dtpqrt(0, panel, T, transposed_rows.T, overwrite_a=True, overwrite_b=True)[0]
 
     def merge(self, other: "TriangularFactors") -> None:
-        """Add all rows behind other triangular factors, kind by kind and group by group.
+        """Add the equations of other triangular factors to these, kind by kind and group by group.
 
         Args:
-            other: Triangular factors of rows with the same columns.
+            other: Triangular factors of [A | y] in the same unknowns.
         """
         for at, T in other.factors.items():
             self.add_rows(*at, T.T.copy())
@@ -598,7 +598,7 @@ class ReducedReadings:
     @cached_property
     def total_gram_matrices(self) -> Array:
         """Return [A | y]^T [A | y] of all readings, one for every kind, (kinds, size + 1, size + 1)."""
-        return sum_gram(self.blocks)
+        return sum_gram_matrices(self.blocks)
 
     def in_basis(self, basis: "csr_array") -> "ReducedReadings":
         """Transform the equations to other unknowns z with x = basis @ z.
@@ -629,7 +629,7 @@ class ReducedReadings:
 
     @property
     def n_equations(self) -> Array:
-        """Return the number of scalar equations of every kind, (kinds,)."""
+        """Return the number of scalar equations by every kind of readings, (kinds,)."""
         return np.asarray(sum(part.n_equations for part in self.blocks))
 
 
@@ -715,6 +715,6 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
     return A, np.where(read, kinds, -1)
 
 
-def sum_gram(parts: Sequence[SeriesBlock]) -> Array:
+def sum_gram_matrices(blocks: Sequence[SeriesBlock]) -> Array:
     """Sum the Gram matrices of several blocks of readings, kind by kind, (kinds, size + 1, size + 1) [1]."""
-    return np.asarray(sum(part.gram_matrices for part in parts))
+    return np.asarray(sum(part.gram_matrices for part in blocks))

@@ -572,7 +572,7 @@ def _words(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
     )
     return (
         f"{hidden_quantity.name} cannot be separated from {behind} "
-        f"(correlation {hidden_quantity.correlation:.2f}, {left}){_advice(hidden_quantity, joints)}"
+        f"(correlation {hidden_quantity.multiple_correlation:.2f}, {left}){_advice(hidden_quantity, joints)}"
     )
 
 

@@ -472,7 +472,7 @@ def identifiability(cell: Cell, identified: IdentifyResult) -> Row:
         expected_deflection_mm=finite(MM * own.expected_deflection),
         lost_to_structure=len(own.lost_to_structure),
         lost_to_loads=len(own.lost_to_loads),
-        lost_to_poses=own.lost_to_poses,
+        lost_to_poses=own.n_lost_to_poses,
         prior_decides=int((own.explained_share < PRIOR_DECIDES_SHARE).sum()),
         help=[
             Row(
@@ -734,13 +734,13 @@ def unseen_poses(identifiability: Identifiability) -> list[Row]:
             names = ", ".join(_name(identifiability, k) for k in every)
             start = Row(why=why, parts=", ".join(parts), directions=0, parameters=names)
             rows.setdefault((why, parts), start)["directions"] += 1
-    if identifiability.lost_to_poses:
+    if identifiability.n_lost_to_poses:
         most = sorted(
             dict.fromkeys(identifiability.parameter_components),
             key=lambda name: -_spread(identifiability, name),
         )[:NAMED]
         last = Row(
-            why="poses", parts=", ".join(most), directions=identifiability.lost_to_poses, parameters=""
+            why="poses", parts=", ".join(most), directions=identifiability.n_lost_to_poses, parameters=""
         )
         rows["poses", ()] = last
     return list(rows.values())
@@ -749,7 +749,9 @@ def unseen_poses(identifiability: Identifiability) -> list[Row]:
 def _spread(identifiability: Identifiability, part: str) -> float:
     """How many of the directions lost to too few poses a link or joint holds."""
     return float(
-        identifiability.missing_directions[np.array(identifiability.parameter_components) == part].sum()
+        identifiability.participation_lost_to_poses[
+            np.array(identifiability.parameter_components) == part
+        ].sum()
     )
 
 

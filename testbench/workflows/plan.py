@@ -28,11 +28,11 @@ from testbench.design.planning import (
     Plan,
     candidate_set,
     choose_greedily,
-    error_function,
     forecast_errors,
     make_plan,
     observability,
     plan_with_gauges,
+    prediction_error_function,
 )
 from testbench.design.planning import choose_poses as search_best
 from testbench.design.rows import (
@@ -347,8 +347,8 @@ def plan_absolute(cell: Cell, settings: PlanSettings, given: Calibrated | None =
         candidates = search(cell, settings)
         kind = np.zeros(len(candidates.q), dtype=int)
     if len(planes) < len(instruments):
-        in_range, feasible_pose = _ranges(cell, instruments, candidates.q), reach.feasible
-        reach = replace(reach, feasible=lambda q: feasible_pose(q) & in_range(q))
+        in_range, feasible_pose = _ranges(cell, instruments, candidates.q), reach.poses_are_feasible
+        reach = replace(reach, poses_are_feasible=lambda q: feasible_pose(q) & in_range(q))
         candidates, kind = _within(candidates, kind, in_range(candidates.q), settings.poses)
     wanted = absolute.position_rows(union, q)
     examined = absolute.candidate_set(union, candidates.q, settings.poses, kind)
@@ -452,7 +452,7 @@ def choose_further_poses(union: AbsoluteSetup, q: Array, wanted: Array) -> tuple
     """
     problem = absolute.candidate_set(union, q, FURTHER).problem
     chosen = greedy_plan(problem, criterion_by_name("I", problem, wanted), problem.rows, FURTHER)
-    return chosen.tolist(), error_function(problem, wanted)(chosen)
+    return chosen.tolist(), prediction_error_function(problem, wanted)(chosen)
 
 
 def absolute_setup(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:

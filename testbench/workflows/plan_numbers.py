@@ -21,9 +21,9 @@ from testbench.design.planning import (
     Plan,
     PriorInfluence,
     baselines,
-    error_function,
     forecast_errors,
     observability,
+    prediction_error_function,
     prior_influence,
 )
 from testbench.design.rows import deflection_rows, select_loads, task_rows
@@ -370,7 +370,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
     rng, problem = trial_rng(made.settings.seed, 3), plan.candidates.problem
     criterion, error = (
         LinearCriterion(mean_square_weight(made.wanted @ problem.lift)),
-        error_function(problem, made.wanted),
+        prediction_error_function(problem, made.wanted),
     )
     middle, low, _ = _random(made, error, asked, rng)
     scale = _scale(made) if union.readings_by_kind else None

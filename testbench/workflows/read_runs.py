@@ -108,7 +108,7 @@ def _frame_note(name: str, frame: Frame) -> str:
 
 def _fit_note(registration: Registration, sag: float | None) -> str:
     """How well all readings fit, and how far own weight alone sags the tool, RMS [m], where that is known."""
-    text = f"unloaded readings fit the arm's kinematics to {MM * registration.rms:.2f} mm RMS"
+    text = f"unloaded readings fit the arm's kinematics to {MM * registration.rms_distance:.2f} mm RMS"
     if registration.n_downweighted:
         text += f"; {registration.n_downweighted} of {len(registration.distances)} fit worse and count less"
     size = "" if sag is None else f" ({MM * sag:.2f} mm RMS according to the arm's folder)"
@@ -396,7 +396,7 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
             }
             for k, name in enumerate(registration.target_names)
         ],
-        "rms_mm": MM * registration.rms,
+        "rms_mm": MM * registration.rms_distance,
         "noise_mm": MM * registration.noise,
         "readings": len(registration.distances),
         "wild": registration.n_downweighted,

@@ -21,10 +21,10 @@ from testbench.design.planning import (
     _measuring_order,
     candidate_set,
     choose_greedily,
-    error_function,
     forecast_errors,
     make_plan,
     plan_with_gauges,
+    prediction_error_function,
 )
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
@@ -487,7 +487,7 @@ def test_what_earlier_readings_tell_adds_to_what_a_plan_tells(before, places):
     A = absolute.position_rows(across, places[-20:])[:, :, on].reshape(-1, len(on))
     error = np.sqrt(3 * np.einsum("ki,ik->k", A, np.linalg.solve(P, A.T)).mean())
     problem = absolute.candidate_set(own, q, len(q)).problem
-    found = error_function(problem, absolute.position_rows(own, places[-20:]))
+    found = prediction_error_function(problem, absolute.position_rows(own, places[-20:]))
     assert found(np.arange(6)) == pytest.approx(error)
 
 
@@ -501,7 +501,7 @@ def test_further_poses_lower_the_error_that_is_left_after_realignment(before, pl
     fitted = np.linalg.lstsq(A[:, :first], b, rcond=None)[0]
     x = np.r_[np.zeros(first), np.linalg.lstsq(A[:, first:], b, rcond=None)[0]]
     np.testing.assert_allclose(left.reshape(A.shape) @ x, b - A[:, :first] @ fitted, atol=1e-8 * abs(b).max())
-    error = error_function(absolute.candidate_set(own, places[:40], 40).problem, left)
+    error = prediction_error_function(absolute.candidate_set(own, places[:40], 40).problem, left)
     errors = [error(np.arange(k)) for k in (0, 5, 10, 20, 40)]
     assert errors[0] == pytest.approx(absolute.prior_error_after_alignment(own, rows), rel=1e-6)
     assert errors == sorted(errors, reverse=True)
@@ -526,7 +526,7 @@ def test_a_plan_after_readings_goes_where_a_joint_was_not_read(kr500, before, pl
     assert (plan >= 40).sum() >= 4
     [row, *_] = joint_coverage(kr500.arm, series, q[plan])
     assert (row.joint, row.poses) == ("joint_1", pytest.approx((plan >= 40).sum(), abs=1))
-    error = error_function(problem, wanted)
+    error = prediction_error_function(problem, wanted)
     assert error(plan) < min(error(trial_rng(k).choice(50, 8, replace=False)) for k in range(10))
 
 

@@ -37,7 +37,7 @@ def test_a_quantity_hides_behind_those_that_explain_most_of_it_together(shares, 
     assert found.remaining_variance_share == pytest.approx(SHARE)
     assert found.confounded_with == behind
     explained = sum(sorted(shares)[::-1][: len(behind)])
-    assert found.correlation == pytest.approx(np.sqrt(explained))
+    assert found.multiple_correlation == pytest.approx(np.sqrt(explained))
 
 
 @pytest.mark.parametrize(

@@ -37,8 +37,8 @@ from testbench.identify.registration import (
     Frame,
     FramesAndTargets,
     HuberLoss,
-    arm_reach,
     mean_readings,
+    median_tool_distance,
     moving_joints,
     nearest_rotation,
     register,
@@ -660,7 +660,7 @@ def _register_subset(
         mount=Mount(layout.targets, mount, series.markers),
         typical=typical,
         turn=float(np.median(angles)) if len(turns) else 0.0,
-        near=typical < MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, sample.q)
+        near=typical < MAX_NOMINAL_DISTANCE * median_tool_distance(state.vjm, sample.q)
         and float(np.abs(layout.targets).max()) < state.vjm.reach,
     )
 
@@ -791,7 +791,7 @@ def check_fitted_distances(state: ArmState, series: Sequence[Series]) -> None:
     for readings in series:
         left = position_residual_lengths(state, readings)[readings.is_measured]
         far = float(np.sqrt(np.mean(np.sort(left)[: max(1, int(FITTED_SHARE * len(left)))] ** 2)))
-        if far > MAX_FITTED_DISTANCE * arm_reach(state.vjm, readings.q):
+        if far > MAX_FITTED_DISTANCE * median_tool_distance(state.vjm, readings.q):
             raise Misfit(
                 f"{readings.name}: the readings do not fit this arm: {1e3 * far:.4g} mm (RMS of the nearest "
                 "nine tenths) after its geometry and springs are fitted",
@@ -813,7 +813,7 @@ def distance_from_known_frame(state: ArmState, series: Series) -> float:
     """
     left = position_residual_lengths(state, series)[series.is_measured]
     off = float(np.percentile(left, 25)) if len(left) else 0.0
-    return off if off > 2 * MAX_NOMINAL_DISTANCE * arm_reach(state.vjm, series.q) else 0.0
+    return off if off > 2 * MAX_NOMINAL_DISTANCE * median_tool_distance(state.vjm, series.q) else 0.0
 
 
 def _merge_mounts(mount: Mount, other: Mount) -> Mount:

@@ -36,7 +36,7 @@ from testbench.identify.absolute.state import Unknowns, find_pattern, pattern_co
 from testbench.identify.estimate import Constraint
 from testbench.identify.hierarchy import NormalEquationsSolution
 from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
-from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram
+from testbench.identify.regression import ReducedReadings, SeriesBlock, sum_gram_matrices
 from testbench.identify.trace import mean_and_standard_error
 from testbench.model.load import BodyMasses, own_weight_matrix
 from testbench.model.vjm import Vjm, evaluate_chain, generalised_load
@@ -377,7 +377,7 @@ def _held_out(
     """
     (scales, rules), k = scales_and_rules, len(variances)
     # Gram matrices of the other readings: the difference of two sums.
-    T, every = gram_of_active(active, sum_gram(parts)), np.arange(len(active.columns))
+    T, every = gram_of_active(active, sum_gram_matrices(parts)), np.arange(len(active.columns))
     others = S - T
     # Frames and mounts that occur in the held-out parts alone are no unknowns of the others.
     alone = np.flatnonzero(np.abs(others[:, : active.n_rigid, :k]).sum(axis=(0, 1)) == 0)
