@@ -111,7 +111,7 @@ def of_default(cell, default, readings, truth):
         "half": covered.half_mm,
         "ideal": covered.ideal_mm,
         "covered_at": covered_at(found.centre, half, truth.deflection),
-        "ties": own.average.joint_couplings_weight if own.average else 0.0,
+        "ties": own.averaged_models.joint_couplings_weight if own.averaged_models else 0.0,
         **decision(cell, truth, *steps[0]),
     }
 

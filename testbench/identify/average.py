@@ -110,13 +110,13 @@ def _variation_evidence(regression: Regression, fit: Estimate) -> Array:
 
 def _uncoupled_fit(estimate: Estimate) -> Estimate:
     """Return the fit without coupled joints; with joint laws if these are more probable."""
-    if estimate.average is None:
+    if estimate.averaged_models is None:
         return estimate
-    with_laws = estimate.average.with_joint_laws
+    with_laws = estimate.averaged_models.with_joint_laws
     return (
         with_laws
-        if with_laws is not None and estimate.average.joint_laws_weight > 0.5
-        else estimate.average.links_and_joints
+        if with_laws is not None and estimate.averaged_models.joint_laws_weight > 0.5
+        else estimate.averaged_models.links_and_joints
     )
 
 
@@ -309,7 +309,7 @@ def _fit_before_laws(regression: Regression, estimate: Estimate) -> Estimate:
 
     Joint laws can explain the effect of links that vary, but then predict new poses badly.
     """
-    known = estimate.average
+    known = estimate.averaged_models
     if known is None or known.with_joint_laws is None or known.joint_laws_weight <= 0.5:
         return estimate
     plain, with_laws = (model.weighted_prior for model in (known.links_and_joints, known.with_joint_laws))
@@ -397,7 +397,7 @@ def links_versus_joints_only(
 
 def _likeliest(estimate: Estimate) -> Estimate:
     """Select the model of greatest weight in an average, except joints only."""
-    known = estimate.average
+    known = estimate.averaged_models
     if known is not None and known.with_joint_couplings is not None and known.joint_couplings_weight > 0.5:
         return known.with_joint_couplings
     return _uncoupled_fit(estimate)
@@ -473,7 +473,7 @@ def average_with_joints_only(
     Returns:
         The averaged estimate, F_M that of the unweighted readings.
     """
-    known = estimate.average or ModelAverage(0.0, estimate)
+    known = estimate.averaged_models or ModelAverage(0.0, estimate)
     if weight < 1:
         weight *= (1 - known.joint_laws_weight) * (1 - known.joint_couplings_weight)
     if not weight:
@@ -519,7 +519,7 @@ def _average_priors(
     )
     # The mean, and the models that it contains.
     weighted = (1 - share, first), (share, second)
-    known = [(weight, model.average or ModelAverage(0.0, model)) for weight, model in weighted]
+    known = [(weight, model.averaged_models or ModelAverage(0.0, model)) for weight, model in weighted]
     average = ModelAverage(
         joints_only_weight=sum(weight * model.joints_only_weight for weight, model in known),
         links_and_joints=known[share > 0.5][1].links_and_joints,
@@ -532,7 +532,7 @@ def _average_priors(
         with_joint_couplings=next(
             (model.with_joint_couplings for _, model in known if model.with_joint_couplings is not None), None
         ),
-        under_each_prior=((1 - probability, first), (probability, second)),
+        estimate_per_prior=((1 - probability, first), (probability, second)),
     )
     return _average(widest.regression, weighted, likelier.weighted_prior, average)
 
@@ -558,7 +558,7 @@ def _average(
         weighted_prior=prior,
         status=next((model.status for model in models if model.status != "solved"), "solved"),
         solver_seconds=sum(model.solver_seconds for model in models),
-        average=average,
+        averaged_models=average,
     )
 
 
@@ -615,7 +615,10 @@ def _average_joint_couplings(
     if share < MIN_MODEL_PROBABILITY:
         return mean, total_evidence
     share = share if share < 1 - MIN_MODEL_PROBABILITY else 1.0
-    estimate, known = solve(coupled, constraint, weighted_prior), mean.average or ModelAverage(0.0, mean)
+    estimate, known = (
+        solve(coupled, constraint, weighted_prior),
+        mean.averaged_models or ModelAverage(0.0, mean),
+    )
     average = replace(
         known,
         joint_laws_weight=(1 - share) * known.joint_laws_weight,
@@ -651,7 +654,7 @@ def _average_laws(
         weight = probability = 1.0
     elif weight < MIN_MODEL_PROBABILITY:
         weight = 0.0
-    known = linear_mean.average or ModelAverage(0.0, linear_mean)
+    known = linear_mean.averaged_models or ModelAverage(0.0, linear_mean)
     average = replace(
         known, joint_laws_weight=weight, joint_laws_probability=probability, with_joint_laws=with_laws
     )

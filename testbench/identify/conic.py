@@ -210,7 +210,7 @@ def lower_bound_certificate(
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 
     return Certificate(
-        duality_gap=over(cost + float(penalty.gradient @ pi), penalty.gradient),
+        duality_gap=over(cost + float(penalty.trace_gradient @ pi), penalty.trace_gradient),
         f_m_excess_bound=over(cost, free),
         trace_bounds=t,
         dual=dual,
@@ -374,7 +374,7 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
             certificate = proof
             reached = better
     # Convert back to the requested unknowns.
-    left, cost = f_m(split_regression, pi), float(penalty.gradient @ pi)
+    left, cost = f_m(split_regression, pi), float(penalty.trace_gradient @ pi)
     method = PAPER_GCO_METHOD if papers else "GCO (conic program)"
     estimate = make_estimate(regression, penalty.pi_per_split_parameter @ pi, method=method, constraint="psd")
     return replace(
@@ -522,7 +522,7 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
         R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),
         z=np.array([term.z for term in regression.terms]) / unit,
         unexplained=np.sqrt([term.unexplained for term in regression.terms]) / unit,
-        trace_cost=penalty.gradient[columns] * scale / unit,
+        trace_cost=penalty.trace_gradient[columns] * scale / unit,
         penalty=penalty,
     )
 

@@ -324,7 +324,7 @@ PREDICTED_MOTION_ERROR = 0.1
 """Error of deflections that `predicted_motion` predicts, over the RMS of the readings [1]."""
 COMPLIANCE_SCALE_DEVIATION = 1.0
 """Standard deviation of the factors on nominal compliances in `predicted_motion`, about 1 [1]."""
-RUNS_PER_BLOCK = 384  #: Number of runs whose Jacobians are in memory at a time.
+RUNS_PER_JACOBIAN = 384  #: Number of runs whose Jacobians are in memory at a time.
 
 
 def resolve_line_readings(vjm: Vjm, data: Dataset) -> Dataset:
@@ -409,8 +409,8 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     points = marker_positions(vjm, data.markers)
     parts = []
     turns = []
-    for first in range(0, data.n_runs, RUNS_PER_BLOCK):
-        block = slice(first, first + RUNS_PER_BLOCK)
+    for first in range(0, data.n_runs, RUNS_PER_JACOBIAN):
+        block = slice(first, first + RUNS_PER_JACOBIAN)
         by_part = _motions_by_part(vjm, data, block, points)
         parts.append(by_part[0])
         turns.append(by_part[1])
@@ -456,7 +456,7 @@ def check_runs(vjm: Vjm, data: Dataset) -> None:
         data: The dataset.
 
     Raises:
-        BenchError: If it has not.
+        BenchError: If one of these is missing or wrong.
     """
     if data.n_runs == 0:
         raise BenchError("dataset: expected at least one run, got none")
@@ -501,7 +501,7 @@ class WeightedReadings:
     A: Array  #: Observation matrices, (readings, 3, n) [1 per unit of pi].
     y: Array  #: Measured deflections and rotations over their standard deviation, (readings, 3) [1].
     #: Standard deviation of a reading, sqrt(2) sigma if equal along all axes, (readings,) [m, rad].
-    deviation: Array
+    standard_deviation: Array
     n_components: Ids  #: Count of numbers of a reading: 3, or 1 along a line, (readings,).
     run_index: Ids  #: Index of its run in the dataset, (readings,).
     marker_index: Ids  #: Index of its marker, -1 for the orientation of the tool, (readings,).
@@ -546,7 +546,9 @@ def weighted_readings(vjm: Vjm, structure: Structure, data: Dataset) -> Weighted
     return WeightedReadings(
         A=A[:, :, :-1],
         y=A[:, :, -1],
-        deviation=np.where(lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size),
+        standard_deviation=np.where(
+            lines, 1 / np.where(lines, np.linalg.norm(root[:, 0], axis=1), 1.0), size
+        ),
         n_components=np.where(lines, 1, 3),
         run_index=np.repeat(np.arange(data.n_runs), per_run)[used],
         marker_index=np.tile(marker, data.n_runs)[used],

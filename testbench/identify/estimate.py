@@ -64,19 +64,19 @@ class TracePenalty:
     pi_per_split_parameter: Array  #: Parameters pi of the model per split parameter, (n, k) [1].
 
     @property
-    def gradient(self) -> Array:
+    def trace_gradient(self) -> Array:
         """Return the gradient of the trace term by the k split parameters of C', (k,) [N m/rad times W]."""
         s = self.structure
         return np.where(s.rows == s.columns, self.weight * self.W_diagonal[s.rows], 0.0)
 
     def in_split_parameters(self, regression: Regression) -> Regression:
-        """Rewrite equations in the n parameters pi as equations in the k split parameters.
+        """Rewrite weighted equations so that compliances of joints are separate from those of their links.
 
         Args:
-            regression: Equations in pi.
+            regression: Equations in the n parameters pi of the model.
 
         Returns:
-            The same equations in the split parameters, in which a joint is separate from its link.
+            The same equations in the k split parameters.
         """
         terms = (replace(term, R=term.R @ self.pi_per_split_parameter) for term in regression.terms)
         return regression_from_terms(self.structure, tuple(terms))
@@ -165,7 +165,7 @@ class ModelAverage:
     #: The model with coupled joints, without joint laws; None where its weight is zero.
     with_joint_couplings: "Estimate | None" = None
     #: Probability [1] and averaged estimate under each of two priors; empty where one has all weight.
-    under_each_prior: "tuple[tuple[float, Estimate], ...]" = ()
+    estimate_per_prior: "tuple[tuple[float, Estimate], ...]" = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -197,9 +197,10 @@ class Estimate(Displayed):
     bounded_by_tie_break: bool = False
     weighted_prior: WeightedPrior | None = None  #: The prior that was used as data; None without one.
     #: Readings that a robust fit left out, in the order of the dataset.
-    rejected: tuple[RejectedReading, ...] = ()
+    rejected_readings: tuple[RejectedReading, ...] = ()
     rejected_runs: tuple[int, ...] = ()  #: Identifiers of runs all of whose readings were left out.
-    average: ModelAverage | None = None  #: The models that the estimate averages; None for a single model.
+    #: The models that the estimate averages; None for a single model.
+    averaged_models: ModelAverage | None = None
 
     def summary(self) -> dict[str, object]:
         """Summarise the estimate: method, structure, number of unknowns, fit and status."""
@@ -226,11 +227,11 @@ class Estimate(Displayed):
     @property
     def compliance_regression(self) -> Regression:
         """Return the weighted equations whose unknowns are links and joints, no joint laws or couplings."""
-        if self.average is None or (
-            self.average.with_joint_laws is None and self.average.with_joint_couplings is None
+        if self.averaged_models is None or (
+            self.averaged_models.with_joint_laws is None and self.averaged_models.with_joint_couplings is None
         ):
             return self.regression
-        return self.average.links_and_joints.regression
+        return self.averaged_models.links_and_joints.regression
 
     @cached_property
     def conservative(self) -> bool:
@@ -456,7 +457,7 @@ def lilliefors_p_value(residuals: Array) -> float:
 
 
 def sample_size_factor(n: int) -> float:
-    """Return the factor that makes D of n residuals comparable to D of other sample sizes [1].
+    """Return the factor that makes Lilliefors' statistic D of n residuals comparable to other sizes [1].
 
     Source: M. A. Stephens, JASA 69 (1974).
     """

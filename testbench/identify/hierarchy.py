@@ -423,7 +423,7 @@ def prior_evidence_model(
     if size == 0:
         raise BenchError(f"prior {scaling.prior_name}: expected runs whose loads deflect the model, got none")
     # Indices in h: K scales, factors of the kinds, log w, log t, log u, log c, log kappa.
-    shares, kinds, _ = scaling.entry_scales
+    shares, kinds, _ = scaling.scale_exponents
     kind, tied = np.unique(kinds, return_inverse=True)[1], bool(scaling.is_joint_coupling.any())
     K, whole = len(kind), np.flatnonzero((np.array(scaling.block_orders) == 6) & (scaling.block_kinds == 0))
     first = K + kind.max() + 1
@@ -627,7 +627,7 @@ def joints_only_log_evidence(regression: Regression, scaling: PriorScaling) -> t
 def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[LearntScale, ...]:
     """Compute the factor of every link or joint over others of its kind, and of the joints over the links."""
     K, m = model.n_scales, len(h) - 1
-    _, kinds, called = model.scaling.entry_scales
+    _, kinds, called = model.scaling.scale_exponents
     compliance_scales = np.flatnonzero(kinds < 2)
     rows, names = np.zeros((len(compliance_scales), m)), [called[k] for k in compliance_scales]
     rows[range(len(compliance_scales)), compliance_scales] = 1

@@ -247,7 +247,7 @@ def robust(estimator: Estimator) -> Method:
         estimator: A `Method`, such as `gco`; an estimator of your own takes no other loss.
 
     Returns:
-        A new method; `Estimate.rejected` lists the readings that it leaves out.
+        A new method; `Estimate.rejected_readings` lists the readings that it leaves out.
 
     Raises:
         BenchError: When the estimator is not a `Method`.

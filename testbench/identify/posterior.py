@@ -281,8 +281,8 @@ def posterior_of_estimate(estimate: Estimate) -> Posterior:
         The posterior of the parameters pi [m/N, rad/(N m), rad/N]; a mixture where the estimate averages
         models.
     """
-    if estimate.average is not None:
-        return _averaged(estimate, estimate.average)
+    if estimate.averaged_models is not None:
+        return _averaged(estimate, estimate.averaged_models)
     regression, weighted_prior = estimate.regression, estimate.weighted_prior
     L = np.diag(sensitivity_units(regression)) if weighted_prior is None else weighted_prior.scaling.L
     blocks = [math.sqrt(t.n_equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
@@ -335,8 +335,8 @@ def conditional_covariance(covariance: Array, variables: Ids, given: Ids) -> Arr
 
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
-    if average.under_each_prior:
-        parts = [(p, posterior_of_estimate(model)) for p, model in average.under_each_prior]
+    if average.estimate_per_prior:
+        parts = [(p, posterior_of_estimate(model)) for p, model in average.estimate_per_prior]
     elif average.with_joint_couplings is not None:
         p = average.joint_couplings_weight
         tied = _embed(

@@ -190,7 +190,7 @@ class PriorScaling:
         return np.asarray((row >= 6 * self.structure.n_links) & (row != column))
 
     @cached_property
-    def entry_scales(self) -> tuple[Array, Ids, tuple[str, ...]]:
+    def scale_exponents(self) -> tuple[Array, Ids, tuple[str, ...]]:
         """Return how the K scales of links and joints determine the scale of every entry of x.
 
         The scale of an entry is the product of the K scales, each to its exponent: 1 for an entry inside a

@@ -430,7 +430,7 @@ def without_outliers(
         method=f"{plain.method}, Huber loss",
         status=plain.status if status == "solved" else f"{status} (search for outliers)",
         solver_seconds=plain.solver_seconds + seconds,
-        rejected=_rejected(data, readings, keep, plain.pi),
+        rejected_readings=_rejected(data, readings, keep, plain.pi),
         rejected_runs=tuple(data.run_id[np.setdiff1d(readings.run_index, readings.run_index[keep])].tolist()),
     )
 
@@ -501,7 +501,7 @@ def _rejected(
         RejectedReading(
             run=int(data.run_id[readings.run_index[i]]),
             marker=names[readings.marker_index[i]],
-            residual=float(length[i] * readings.deviation[i]),
+            residual=float(length[i] * readings.standard_deviation[i]),
             residual_over_sigma=float(length[i]),
         )
         for i in np.flatnonzero(~keep)

@@ -330,7 +330,7 @@ def _scaled_folds(penalty: TracePenalty, G: Array, rate: float) -> _ScaledFolds:
         H=G[:, order][:, :, order] * np.outer(scale, scale),
         g=G[:, order, -1] * scale / unit,
         half_squares=G[:, -1, -1] / unit**2 / 2,
-        trace_gradient=penalty.gradient[order] * scale / unit,
+        trace_gradient=penalty.trace_gradient[order] * scale / unit,
         block_orders=tuple(len(block) for block in s.blocks),
         parameter_indices=order,
         scale=scale,

@@ -64,9 +64,9 @@ def advice(estimate: Estimate) -> tuple[str, ...]:
     """Write notes on an estimate for a person."""
     return (
         *_of_rank(estimate),
-        *_of_fit(estimate.average.links_and_joints if estimate.average else estimate),
+        *_of_fit(estimate.averaged_models.links_and_joints if estimate.averaged_models else estimate),
         *_of_method(estimate),
-        *of_average(estimate.average),
+        *of_average(estimate.averaged_models),
         *_of_outliers(estimate),
         *estimate.advice,
     )
@@ -172,7 +172,7 @@ def of_average(average: ModelAverage | None) -> list[str]:
 
 def _of_outliers(estimate: Estimate) -> list[str]:
     """What was rejected, and whether that can still be outliers."""
-    bad = len(estimate.rejected)
+    bad = len(estimate.rejected_readings)
     if not bad:
         return []
     every = bad + estimate.regression.n_equations // 3

@@ -318,7 +318,7 @@ def _fit(cell: Cell, fitted_models: FittedModels, k: int, widest: Dataset | None
         joints=_joints(cell, estimate),
         units=UNITS,
         laws=_laws(cell, estimate),
-        rejected=estimate.rejected,
+        rejected=estimate.rejected_readings,
     )
 
 
@@ -332,7 +332,7 @@ def _joints(cell: Cell, estimate: Estimate) -> dict[str, float | None]:
 
 def _laws(cell: Cell, estimate: Estimate) -> dict[str, dict[str, float]]:
     """What every joint does beyond a linear spring; nothing of a linear model."""
-    if estimate.average is None or not estimate.average.joint_laws_weight:
+    if estimate.averaged_models is None or not estimate.averaged_models.joint_laws_weight:
         return {}
     found = law_sizes(vjm_for_structure(cell.vjm, estimate.structure), estimate.C_theta)
     return {joint: {kind: law_unit(kind) * own[kind] for kind in own} for joint, own in found.items()}
@@ -390,7 +390,7 @@ def write_stiffness(
             "runs": used.n_runs,
             "poses": len(np.unique(used.pose_id)),
             "held_back": [] if runs.check is None else np.unique(runs.check.pose_id).tolist(),
-            "rejected": len(estimate.rejected),
+            "rejected": len(estimate.rejected_readings),
             "sigma_m": used.sigma,
             "sigma_rotation_rad": used.sigma_rotation,
         },

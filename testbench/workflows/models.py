@@ -452,7 +452,7 @@ def reason_for(recommendation: Recommendation, estimate: Estimate) -> str:
     Returns:
         One sentence.
     """
-    return "; ".join([recommendation.why, *of_average(estimate.average)])
+    return "; ".join([recommendation.why, *of_average(estimate.averaged_models)])
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ def test_it_takes_no_prior_and_looks_for_outliers_as_least_squares_does(arm_6r):
     data = replace(data, after=data.after + 0.01 * (data.run_id == 8)[:, None, None])
     methods = robust(least_squares), robust(completed_least_squares)
     plain, filled = (method(arm_6r.vjm, structure, data) for method in methods)
-    assert {r.run for r in filled.rejected} == {r.run for r in plain.rejected} == {8}
+    assert {r.run for r in filled.rejected_readings} == {r.run for r in plain.rejected_readings} == {8}
     assert filled.conservative
     assert filled.f_m == pytest.approx(plain.f_m, rel=1e-7)
     with pytest.raises(BenchError, match="symmetric"):

@@ -182,15 +182,15 @@ def estimates(kr500, campaigns):
 def test_where_joints_obey_laws_the_default_finds_them_and_elsewhere_none(kr500, campaigns, estimates):
     """Nearly: laws keep a small weight, and widths count that they are not ruled out."""
     (_, truth), (found, linear) = campaigns["all"], estimates["all"]
-    assert found.average.joint_laws_weight == 1
+    assert found.averaged_models.joint_laws_weight == 1
     assert found.conservative
     ours, theirs = rms(kr500, truth, found, linear)
     assert ours < 0.7 * theirs
     own = intervals(kr500.vjm, found, truth)
     assert np.mean((own.lower <= truth.deflection) & (truth.deflection <= own.upper)) > 0.9
     (_, truth), (found, linear) = campaigns["plain"], estimates["plain"]
-    assert found.average.joint_laws_weight == 0
-    assert 0.05 < found.average.joint_laws_probability < 0.5
+    assert found.averaged_models.joint_laws_weight == 0
+    assert 0.05 < found.averaged_models.joint_laws_probability < 0.5
     ours, theirs = (deflections(kr500.vjm, own, truth) for own in (found, linear))
     assert score(ours, theirs).rms < 3e-6
     half = [own.upper - own.lower for own in (intervals(kr500.vjm, e, truth) for e in (found, linear))]

@@ -182,7 +182,7 @@ def test_single_readings_have_the_deviation_of_their_number(kr500):
     data = measured(kr500, [replace(own, instrument=Gauge(sigma=5e-6)) for own in XYZ])
     read = weighted_readings(kr500.vjm, joints_only(kr500.arm), data)
     slide = np.linalg.norm(resolve_line_readings(kr500.vjm, data).tilt_error, axis=2).ravel()
-    np.testing.assert_allclose(read.deviation, np.sqrt(2 * 5e-6**2 + slide**2), rtol=1e-9)
+    np.testing.assert_allclose(read.standard_deviation, np.sqrt(2 * 5e-6**2 + slide**2), rtol=1e-9)
     assert not read.y[:, 1:].any()
 
 

@@ -228,7 +228,7 @@ def robustly(cell, structure, data, constraint="psd", units=None):
 
 
 def found(fit):
-    return {(reading.run, reading.marker) for reading in fit.rejected}
+    return {(reading.run, reading.marker) for reading in fit.rejected_readings}
 
 
 @pytest.mark.parametrize("constraint", ["none", "psd"])
@@ -273,8 +273,8 @@ def test_where_nothing_is_rejected_the_robust_fit_is_the_plain_one_to_the_last_d
         pairs.append((robustly(kr500, s, data, constraint, units), by_hand))
     for own, plain in pairs:
         assert own.method == f"{plain.method}, Huber loss"
-        assert len(own.rejected) <= 1
-        if not own.rejected:
+        assert len(own.rejected_readings) <= 1
+        if not own.rejected_readings:
             assert advice(own) == advice(plain)
             np.testing.assert_array_equal(own.pi, plain.pi)
             same += 1
@@ -288,7 +288,7 @@ def test_rejected_readings_are_listed_with_their_distance_and_runs_without_any_l
     off[4, 1] = [0, 0, 3e-3]
     off[6] = [0, 0, 20e-3]  # the tracker was pushed between the two readings
     fit = robustly(kr500, s, replace(data, after=data.after + off), "psd", rough(kr500, s, 1))
-    first, *others = fit.rejected
+    first, *others = fit.rejected_readings
     assert (first.run, first.marker) == (data.run_id[4], data.markers[1])
     assert {(one.run, one.marker) for one in others} == {(data.run_id[6], name) for name in data.markers}
     assert first.residual == pytest.approx(3e-3, abs=4 * np.sqrt(3) * 50e-6)  # noise and fit: 4 sd
@@ -328,9 +328,9 @@ def test_a_wild_orientation_is_rejected_as_such(arm_6r, rng):
     units = scale_by_prior(cad_prior(arm_6r.arm), arm_6r.vjm, s)
     fit = robustly(arm_6r, s, spoiled, "psd", units)
     assert {(data.run_id[10], ORIENTATION_READING), (data.run_id[50], ORIENTATION_READING)} <= found(fit)
-    assert len(fit.rejected) <= 4  # of 238 sound readings 0.2 lie beyond the 99.9 % quantile
+    assert len(fit.rejected_readings) <= 4  # of 238 sound readings 0.2 lie beyond the 99.9 % quantile
     kinds = [term.n_equations for term in fit.regression.terms]
-    assert sum(kinds) == 3 * (2 * data.n_runs - len(fit.rejected))
+    assert sum(kinds) == 3 * (2 * data.n_runs - len(fit.rejected_readings))
     assert fit.f_m < 1.2 * fit.f_m_floor  # the prior holds some of the rank
 
 

@@ -423,8 +423,8 @@ def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid):
     method, s = default(kr500, 1)
     found = method(kr500.vjm, s, rigid.identification)
     ours, theirs = errors(kr500, rigid, found, gco(kr500.vjm, joints_only(kr500.arm), rigid.identification))
-    assert found.average.joints_only_weight > 0.75
-    [said] = of_average(found.average)
+    assert found.averaged_models.joints_only_weight > 0.75
+    [said] = of_average(found.averaged_models)
     assert said.startswith("link compliances hardly improve the model, so ")
     assert "Joints-only" in said
     assert ours < 1.05 * theirs
@@ -482,12 +482,16 @@ def test_links_that_are_no_beams_are_told_by_the_evidence(kr500, by_beams_and_bo
 
 def test_an_average_is_conservative_and_widths_are_less_sure_of_joints_alone(kr500, rigid, by_beams_and_both):
     found = with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, all153(kr500.arm), rigid.identification)
-    whole, w, links = found.average.links_and_joints, found.average.joints_only_weight, slice(0, 42)
+    whole, w, links = (
+        found.averaged_models.links_and_joints,
+        found.averaged_models.joints_only_weight,
+        slice(0, 42),
+    )
     np.testing.assert_allclose(found.C_theta[links, links], (1 - w) * whole.C_theta[links, links], rtol=1e-12)
     assert found.conservative
-    assert w > found.average.joints_only_probability > 0.5  # these joints are alone
+    assert w > found.averaged_models.joints_only_probability > 0.5  # these joints are alone
     *_, found = by_beams_and_both["coupled"]
-    assert sum(share for share, _ in found.average.under_each_prior) == pytest.approx(1)
+    assert sum(share for share, _ in found.averaged_models.estimate_per_prior) == pytest.approx(1)
     assert found.conservative
 
 
@@ -521,14 +525,17 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
             ModelAverage(0, links, joint_couplings_weight=1, with_joint_couplings=ties),
             ((1, ties),),
         ),
-        "two priors": (ModelAverage(0, links, under_each_prior=(pair := ((0.4, links), (0.6, laws)))), pair),
+        "two priors": (
+            ModelAverage(0, links, estimate_per_prior=(pair := ((0.4, links), (0.6, laws)))),
+            pair,
+        ),
     }[kind]
     mean = make_estimate(regression, rng.normal(size=s.n_parameters), method="known")
     expected = np.zeros((s.n_parameters, s.n_parameters))
     for p, own in parts:
         x, root = (embed_parameters(numbers, own.structure, s) for numbers in (own.pi, roots[id(own)]))
         expected += p * (root.T @ root + np.outer(x - mean.pi, x - mean.pi))
-    found = posterior_of_estimate(replace(mean, average=average)).covariance(np.eye(s.n_parameters))
+    found = posterior_of_estimate(replace(mean, averaged_models=average)).covariance(np.eye(s.n_parameters))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
@@ -541,7 +548,10 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     size = np.abs(joints_only(kr500.arm).entries(kr500.arm.C_theta))
     both = [make_estimate(r, factor * size, method="known", constraint="psd") for factor in (1.0, 2.0)]
     both = [
-        replace(one, average=ModelAverage(weight, one, joint_laws_weight=laws, joint_laws_probability=likely))
+        replace(
+            one,
+            averaged_models=ModelAverage(weight, one, joint_laws_weight=laws, joint_laws_probability=likely),
+        )
         for one, weight, laws, likely in zip(both, (0.1, 0.5), (0.2, 0.7), (0.3, 0.8), strict=True)
     ]
     log_evidence = [
@@ -558,14 +568,14 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     # as widths count them, with even odds beforehand
     even = (share * [1, average.BEAM_LIKE_LINKS_PRIOR_ODDS]) ** average.INTERVAL_ODDS_EXPONENT
     np.testing.assert_allclose(
-        [own for own, _ in found.average.under_each_prior], even / even.sum(), rtol=1e-12
+        [own for own, _ in found.averaged_models.estimate_per_prior], even / even.sum(), rtol=1e-12
     )
-    assert [own for _, own in found.average.under_each_prior] == both
-    assert found.average.links_and_joints is both[likelier].average.links_and_joints
+    assert [own for _, own in found.averaged_models.estimate_per_prior] == both
+    assert found.averaged_models.links_and_joints is both[likelier].averaged_models.links_and_joints
     mixed = [
-        found.average.joints_only_weight,
-        found.average.joint_laws_weight,
-        found.average.joint_laws_probability,
+        found.averaged_models.joints_only_weight,
+        found.averaged_models.joint_laws_weight,
+        found.averaged_models.joint_laws_probability,
     ]
     np.testing.assert_allclose(mixed, share @ [[0.1, 0.2, 0.3], [0.5, 0.7, 0.8]], rtol=1e-12)
 
@@ -602,14 +612,14 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     joints, links = average.JOINTS_ONLY_PRIOR_ODDS * math.exp(e_joints), math.exp(e_links)
     linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_PRIOR_ODDS
     assert together == pytest.approx(math.log(linear + laws))
-    assert found.average.joints_only_weight == pytest.approx(joints / linear)
-    assert found.average.joint_laws_weight == pytest.approx(laws / (linear + laws))
+    assert found.averaged_models.joints_only_weight == pytest.approx(joints / linear)
+    assert found.averaged_models.joint_laws_weight == pytest.approx(laws / (linear + laws))
     even = (average.LINEAR_JOINTS_PRIOR_ODDS * laws / linear) ** average.INTERVAL_ODDS_EXPONENT
-    assert found.average.joint_laws_probability == pytest.approx(even / (1 + even))
+    assert found.averaged_models.joint_laws_probability == pytest.approx(even / (1 + even))
     straight = links / linear * 1.0 + joints / linear * 3.0 * (s.rows >= 42)
-    expected = found.average.joint_laws_weight * 2.0 + (1 - found.average.joint_laws_weight) * np.where(
-        s.rows < s.n_compliance_rows, straight, 0.0
-    )
+    expected = found.averaged_models.joint_laws_weight * 2.0 + (
+        1 - found.averaged_models.joint_laws_weight
+    ) * np.where(s.rows < s.n_compliance_rows, straight, 0.0)
     np.testing.assert_allclose(found.pi, expected, rtol=1e-12)
 
 
@@ -669,10 +679,10 @@ def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
         ours, theirs = errors(kr500, campaign, found, alone)
         assert found.conservative
         if kind == "tubes":
-            assert found.average is None or found.average.joint_couplings_weight == 0
+            assert found.averaged_models is None or found.averaged_models.joint_couplings_weight == 0
             assert ours == pytest.approx(theirs, rel=1e-6)
             continue
-        assert found.average.joint_couplings_weight > 0.95
+        assert found.averaged_models.joint_couplings_weight > 0.95
         assert ours < 0.6 * theirs
         true = cell.plant.compliance(campaign.truth.q)[
             np.ix_(cell.plant.joint_spring_indices, cell.plant.joint_spring_indices)
@@ -681,7 +691,7 @@ def test_coupled_joints_are_found_and_where_there_are_none_nothing_moves(kr500):
         (a, b), scale = (np.arange(1, 5), np.arange(2, 6)), np.sqrt(np.diag(true))  # no weight turns joint 1
         far = (own - true)[a, b] / (scale[a] * scale[b])
         assert np.abs(far).max() < 0.2 < np.abs(true[a, b] / (scale[a] * scale[b])).min() + 1e-9
-        [said] = of_average(found.average)
+        [said] = of_average(found.averaged_models)
         assert "coupled" in said
 
 
@@ -788,7 +798,7 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     found, share = method.fit_reduced(kr500.vjm, regression), average.MIN_JOINTS_ONLY_WEIGHT
     monkeypatch.setattr(average, "MIN_JOINTS_ONLY_WEIGHT", 0.0)
     changing = method.fit_reduced(kr500.vjm, regression)
-    assert found.average.joint_laws_weight == found.average.joint_couplings_weight == 0
+    assert found.averaged_models.joint_laws_weight == found.averaged_models.joint_couplings_weight == 0
     joints = joints_only(kr500.arm)
     alone = embed_parameters(
         least_squares(kr500.vjm, joints, campaign.identification).pi, joints, found.structure
@@ -800,9 +810,10 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     told = posterior_of_estimate(found)
     np.testing.assert_array_equal(told.mean, found.pi)
-    around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.average.under_each_prior)
+    around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.averaged_models.estimate_per_prior)
     own = sum(
-        p * posterior_of_estimate(e).standard_deviations(rows) ** 2 for p, e in found.average.under_each_prior
+        p * posterior_of_estimate(e).standard_deviations(rows) ** 2
+        for p, e in found.averaged_models.estimate_per_prior
     )
     np.testing.assert_allclose(told.standard_deviations(rows) ** 2, own + around, rtol=1e-9)
 
@@ -818,7 +829,7 @@ def alike(kr500, campaign):
 def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
     """As least squares on the rows of all others and of the prior predicts them, one fit a pose."""
     _, regression, fit = alike
-    whole = fit if fit.average is None else fit.average.links_and_joints
+    whole = fit if fit.averaged_models is None else fit.averaged_models.links_and_joints
     weighted_prior, poses = (
         whole.weighted_prior,
         restrict_regression(regression, whole.structure).rows_by_pose,
@@ -861,13 +872,15 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
 
     def with_laws_of_half(*args):
         e = of_two(*args)
-        return replace(e, average=replace(e.average or ModelAverage(0.0, e), joint_laws_weight=0.5))
+        return replace(
+            e, averaged_models=replace(e.averaged_models or ModelAverage(0.0, e), joint_laws_weight=0.5)
+        )
 
     monkeypatch.setattr(average, "_average_priors", with_laws_of_half)
     monkeypatch.setattr(average.LinksVersusJointsOnly, "links_certain", False)
     monkeypatch.setattr(average.LinksVersusJointsOnly, "held_out_errors", (np.ones(8), np.ones(8)))
     found = method.fit_reduced(kr500.vjm, regression)
-    assert (found.average.joints_only_weight, found.average.joint_laws_weight) == (1, 0)
+    assert (found.averaged_models.joints_only_weight, found.averaged_models.joint_laws_weight) == (1, 0)
     assert not found.pi[found.structure.rows < 6 * found.structure.n_links].any()
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     assert (

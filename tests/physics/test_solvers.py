@@ -79,7 +79,7 @@ def test_no_answer_costs_more_than_the_referees_nor_is_proven_worse(kind, rng):
             conic.solve_gco_by_clarabel(regression, program),
         )
         if answers[0] is not None:
-            trace = [penalty.gradient @ a.pi for a in answers]
+            trace = [penalty.trace_gradient @ a.pi for a in answers]
             cost = [f_m(regression, a.pi) + t for a, t in zip(answers, trace, strict=True)]
             assert cost[0] <= cost[1] + WORSE * program.f_m_unit
     assert own >= 5 or kind != "kind"  # of random ones 97 of 100 are proven

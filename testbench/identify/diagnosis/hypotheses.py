@@ -708,7 +708,7 @@ def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrectio
     """Try displaced targets of one run, each displaced independently: all of them, or one."""
     if (model := loads.residual_model) is None:
         return
-    size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.deviation, 3)
+    size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.standard_deviation, 3)
     least = float(np.max([MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS * loads.data.sigma * model.misfit]))
 
     def is_large(displacement: Array) -> bool:
