@@ -381,11 +381,14 @@ def find_arm(name: str | Path) -> Path:
         BenchError: When the name is neither text nor a path.
     """
     check_type(name, (str, Path), "arm")
-    if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
-        return Path(name)
     folders = {
         folder.name: folder for root in ARM_FOLDERS if root.is_dir() for folder in sorted(root.iterdir())
     }
+    if os.path.isdir(name):  # noqa: PTH112 - a name too long is no folder either
+        if str(name) in folders and not (Path(name) / "elastic.toml").exists():
+            problem = "this folder is no arm and hides the built-in arm of its name: move it away"
+            raise InputError(Path(name), "", problem)
+        return Path(name)
     if str(name) in folders:
         return folders[str(name)]
     ours = ", ".join(sorted(folders))

@@ -64,8 +64,8 @@ def format_of(path: Path) -> str:
     language = language_of(path)
     if language is None:
         known = {CSV: [".csv"], **{name: own.suffixes for name, own in known_languages().items()}}
-        pairs = ", ".join(f"{suffixes[0]} ({name})" for name, suffixes in known.items())
-        raise BenchError(f"{path}: expected a file called {pairs}")
+        ends = ", ".join(f"{suffixes[0]} ({name})" for name, suffixes in known.items())
+        raise BenchError(f"{path}: expected a name that ends with one of {ends}")
     return language.name
 
 

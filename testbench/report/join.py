@@ -313,7 +313,14 @@ def _inputs(run: Finished) -> dict[str, str]:
     }
     whole = {"command": m.command, "settings": m.scenario, "seeds": seeds(run), **arms}
     whole |= {"version": m.versions, "commit": m.git}
-    return {key: json.dumps(value).strip('"')[:MAX_INPUT_LENGTH] for key, value in leaves(whole)}
+    return {key: _input_words(value)[:MAX_INPUT_LENGTH] for key, value in leaves(whole)}
+
+
+def _input_words(value: object) -> str:
+    """Write an input for people: a list with commas, a setting without a value as "not set"."""
+    if isinstance(value, list):
+        return ", ".join(map(_input_words, value)) or "none"
+    return "not set" if value is None else json.dumps(value).strip('"')
 
 
 def refuse_unlike(runs: Sequence[Finished]) -> None:

@@ -150,7 +150,9 @@ def _wrong_word(err: TyperException, words: Sequence[str]) -> str:
         for k, word in enumerate(words):
             name, _, value = word.partition("=")
             if problem and name == flag and (value or words[k + 1 :]):
-                return f"{flag}: {problem}, got {value or words[k + 1]!r}"
+                got = repr(value or words[k + 1])
+                problem = problem.replace(f"{got} is not one of", "expected one of").rstrip(".")
+                return f"{flag}: {problem}, got {got}"
     return err.format_message().rstrip(".")
 
 

@@ -15,9 +15,10 @@ import numpy as np
 from testbench.arm.document import read_decimals
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
-from testbench.errors import Array, BenchError, InputError, Mask, PoseError, check_array
+from testbench.errors import Array, BenchError, InputError, Mask, PoseError, check_array, some_of
 from testbench.files.columns import Columns, find_columns, joint_coordinates, vector, wrench
 from testbench.files.mapping import read_map
+from testbench.files.names import looks_like
 from testbench.files.table import TableCells, read_table
 from testbench.model.load import Load
 from testbench.model.vjm import Vjm, WorkArea, evaluate_chain, in_work_area
@@ -177,8 +178,12 @@ def read_tasks(path: Path, cell: Cell, hung: Load, mapping: Path | None = None) 
 
 
 def _read_load(columns: Columns, hung: Load) -> Load:
-    """The load of every task."""
+    """The load of every task; a column that looks like a load must not be lost."""
     table = columns.table
+    masses = [column.name for column in columns.all_of("mass")]
+    if lost := [*masses, *(name for name in columns.ignored if looks_like(name, "loads"))]:
+        wanted = "expected loads of tasks in force_x_N, force_y_N, force_z_N (a weight: -9.81 N/kg along z)"
+        raise table.header_error(f"{wanted}, got {some_of(lost)}")
     acts = wrench(columns)
     point = vector(columns, "point")
     if acts is None:

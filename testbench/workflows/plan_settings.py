@@ -120,7 +120,9 @@ class PlanSettings:
                 raise BenchError(f"{name}: expected a tuple, got {type(values).__name__}")
         if len(set(loads)) < len(loads) or not (loads or self.absolute):
             least = "" if self.absolute else "one or more "
-            raise BenchError(f"loads_kg: expected {least}different loads, got {some_of(loads)}")
+            raise BenchError(
+                f"loads_kg: expected {least}different loads, got {some_of(f'{load:g}' for load in loads)}"
+            )
         if len(set(pulls)) < len(pulls):
             raise BenchError(f"pulls_n: expected different pulls, got {some_of(pulls)}")
         for load in loads:

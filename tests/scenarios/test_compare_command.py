@@ -180,7 +180,7 @@ def test_files_of_the_arm_versions_and_commit_are_told_apart_and_folders_by_thei
 
     _, report = said(tmp_path, one, changed(one, tmp_path / "other", "manifest.json", plant))
     assert {own["what"]: own["b"] for own in report["inputs"]} == {
-        "settings.scenario.station.lower": "[2.5, -0.9, 1.1]",
+        "settings.scenario.station.lower": "2.5, -0.9, 1.1",
         "arm 1.folder": "mine",
         "arm 1.elastic.toml": "0" * 60,
         "version.numpy": "1.0",

@@ -266,7 +266,11 @@ WRONG = {
     "a path that jumps": (lambda q: q + np.eye(POINTS)[5][:, None] * 1.2, (), "line 7"),
     "another arm's model": (lambda q: q, ("--arm", "ur10"), "another arm"),
     "a tip that is none": (lambda q: q, ("--tip", "1,2"), "--tip"),
-    "an unknown language": (lambda q: q, ("--out", "right.bas"), "--out: right.bas: expected a file called"),
+    "an unknown language": (
+        lambda q: q,
+        ("--out", "right.bas"),
+        "--out: right.bas: expected a name that ends with one of",
+    ),
 }
 
 

@@ -28,6 +28,10 @@ WRONG = [
     ),
     ("check kr500_l480 --elastic data.csv/elastic.xml", "elastic.xml"),
     ("check pieces", "elastic.toml: cannot be read"),
+    (
+        "compensate model p.csv --out o.csv --hold all",
+        "error: --hold: expected one of 'pose', 'axis', 'position', got 'all'",
+    ),
     ("check kr501", "or one of arm_6r, kr500_l480, single_link, ur10"),
     ("nothing", "nothing"),
     ("view pieces", "no recording (*.rrd) in "),

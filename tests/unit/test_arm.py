@@ -9,7 +9,7 @@ import pytest
 from refused import refused
 from spoil import swap
 
-from testbench.arm.folder import load_arm
+from testbench.arm.folder import find_arm, load_arm
 from testbench.arm.mjcf import MAX_NESTING, read_mjcf
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -302,6 +302,12 @@ def test_meshes_inside_the_folder_are_accepted_and_a_link_to_itself_leads_nowher
     assert read_mjcf(file).find("asset/mesh") is not None
     (file.parent / "loop.stl").symlink_to("loop.stl")
     assert read_mjcf(rigid(mesh("loop.stl"))).find("asset/mesh") is not None
+
+
+def test_a_folder_that_hides_a_built_in_arm_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "kr500_l480").mkdir()
+    assert "hides the built-in arm of its name: move it away" in refused(find_arm, "kr500_l480")
 
 
 # A compensator

@@ -47,6 +47,8 @@ BROKEN = [
     (DEG + POINT, np.c_[POSES, np.ones((2, 3))], "expected force_x_N, force_y_N, force_z_N if point_x"),
     (DEG, [POSES[0], [0, 60, 90, 0, 20, 0]], "joint_2_deg: expected -130.0000 to 20.0000 deg, got 60"),
     (DEG, [POSES[0], [0, 20, 60, 0, 0, 0]], "line 3: link_3 collides with world in this pose"),
+    ([*DEG, "fx"], np.c_[POSES, np.ones((2, 1))], "(a weight: -9.81 N/kg along z), got fx"),
+    ([*DEG, "mass_kg"], np.c_[POSES, np.ones((2, 1))], "line 1: expected loads of tasks in force_x_N,"),
     (DEG + FORCE, np.c_[POSES, np.zeros((2, 3))], "line 2: expected a load, got zero force and moment"),
     (DEG + FORCE, np.c_[POSES, 1e9 * np.ones((2, 3))], "column force_x_N: expected -1e+06 to 1e+06"),
 ]
