@@ -226,7 +226,7 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
         where = evaluate_chain(model.vjm, poses.q, theta)
         at_rest = replace(at_rest, theta=theta, chain=where, u=sum_generalised_loads(where, poses.loads))
     if model.is_absolute or poses.with_own_weight:
-        at_rest = replace(at_rest, u=own_weight_load(at_rest.chain, state.masses) + at_rest.u)
+        at_rest = replace(at_rest, u=own_weight_load(at_rest.chain, state.body_masses) + at_rest.u)
     phi = joint_error_basis(
         state.error_terms, model.arm, poses.q, at_rest.u[model.vjm.joint_spring_slice], state.torque_scale
     )
@@ -259,7 +259,10 @@ def linear_model_error(
     where, after = evaluate_chain(model.vjm, poses.q), poses.solve_equilibrium(state)
     u = sum_generalised_loads(where, loads)
     if poses.with_own_weight:
-        (position, rotation), u = tool_poses(model.vjm, poses.q), u + own_weight_load(where, state.masses)
+        (position, rotation), u = (
+            tool_poses(model.vjm, poses.q),
+            u + own_weight_load(where, state.body_masses),
+        )
     else:
         before = unloaded_poses.solve_equilibrium(state)
         position, rotation = before.position, before.rotation

@@ -424,7 +424,7 @@ def _joints(state: ArmState) -> list[dict[str, object]]:
 
 def _weights(state: ArmState, frames: UrdfFrames) -> list[dict[str, object]]:
     poses = (*frames.links, frames.tip)
-    rows = zip(frames.names, state.masses.mass, state.masses.centre_of_mass, poses, strict=True)
+    rows = zip(frames.names, state.body_masses.mass, state.body_masses.centre_of_mass, poses, strict=True)
     return [
         {"urdf_link": name, "mass_kg": float(m), "centre_m": (T[:3, :3].T @ (c - T[:3, 3])).tolist()}
         for name, m, c, T in rows
@@ -438,7 +438,9 @@ def _new_urdf(state: ArmState, geometry: Rigid) -> str:
     tensors = _tensors(arm)
     names = [*(link.name for link in arm.links), arm.tool]
     ET.SubElement(robot, "link", name=ROOT)
-    for name, mass, centre in zip(names, state.masses.mass, state.masses.centre_of_mass, strict=True):
+    for name, mass, centre in zip(
+        names, state.body_masses.mass, state.body_masses.centre_of_mass, strict=True
+    ):
         link = ET.SubElement(robot, "link", name=name)
         if mass > 0:
             _inertial(link, float(mass), centre, tensors[name])

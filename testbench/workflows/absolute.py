@@ -240,7 +240,7 @@ def calibrate_with_masses(
     """
     weights, said = read_body_masses(vjm.arm), list(notes)
     if masses := fit_link_masses(vjm, weights, tuple(series)):
-        weights = masses.masses
+        weights = masses.body_masses
         said.append(of_masses(masses))
     with raise_explanation(vjm):
         calibration = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)

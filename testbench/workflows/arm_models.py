@@ -306,7 +306,7 @@ def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
     coefficients = np.array(said.coefficients).reshape(len(said.coefficients), errors.n_coefficients)
     return ArmState(
         vjm=vjm,
-        masses=BodyMasses(
+        body_masses=BodyMasses(
             check_array(document.weights.mass_kg, (bodies,), "mass [kg]"),
             check_array(document.weights.centre_m, (bodies, 3), "centre [m]"),
         ),
@@ -383,8 +383,8 @@ def _document(model: ArmModel) -> dict[str, object]:
         "about": _origin_document(model.origin),
         "structure": _structure_document(model.structure, state.C_theta),
         "weights": {
-            "mass_kg": state.masses.mass.tolist(),
-            "centre_m": state.masses.centre_of_mass.tolist(),
+            "mass_kg": state.body_masses.mass.tolist(),
+            "centre_m": state.body_masses.centre_of_mass.tolist(),
         },
         "theta_0": state.theta_0.tolist(),
         "errors": {

@@ -194,7 +194,7 @@ RemainingErrors = tuple[list[Array], list[Array]]
 def remaining_errors(calibrated: Calibrated) -> RemainingErrors:
     """Find what the arms as drawn and as calibrated leave of the readings; zero where a target was lost."""
     state, series = calibrated.calibration.state, calibrated.series
-    drawn = align_all(nominal_state(state.vjm, state.masses, state.torque_scale), series)
+    drawn = align_all(nominal_state(state.vjm, state.body_masses, state.torque_scale), series)
     before, after = (
         [residuals(arm, one)[: len(one.markers)].transpose(2, 0, 1) for one in series]
         for arm in (drawn, state)

@@ -120,9 +120,9 @@ def test_a_joint_gives_way_to_its_own_torque(kr500, kind, rng):
     vjm = kr500.vjm
     n = 1e-3 * (1 + np.arange(6.0))
     bare = nominal_state(vjm, read_body_masses(kr500.arm), np.full(6, 1000.0))
-    light = replace(bare.masses, mass=np.zeros_like(bare.masses.mass))
+    light = replace(bare.body_masses, mass=np.zeros_like(bare.body_masses.mass))
     state = replace(
-        bare, masses=light, error_terms=JointErrorTerms(**{kind: True}), error_coefficients=n[:, None]
+        bare, body_masses=light, error_terms=JointErrorTerms(**{kind: True}), error_coefficients=n[:, None]
     )
     q = np.array([[0.3, -1.2, 1.6, 0.3, -0.5, 0.1]])
     wrench = np.concatenate([rng.normal(0, 2e3, (1, 3)), np.zeros((1, 3))], axis=1)

@@ -184,7 +184,7 @@ def load():
 
 
 def weightless(model):
-    return replace(model, state=replace(model.state, masses=massless_bodies(model.arm)))
+    return replace(model, state=replace(model.state, body_masses=massless_bodies(model.arm)))
 
 
 def test_deflections_are_those_of_the_true_arm(kr500, model, poses, load):

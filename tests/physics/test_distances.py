@@ -218,7 +218,7 @@ def test_a_stiff_arm_is_recovered_from_exact_distances_to_a_micrometre(stiff, re
     found = calibrate(stiff.vjm, series, cad_prior(stiff.arm), options)
     model, other = found.model(), replace(check, frame="new", mount="new")
     assert position_errors(model, [other], 30).max_mm < (0.02 if what == "planes" else 1e-3)
-    rigid = replace(model, state=nominal_state(stiff.vjm, model.state.masses, np.ones(6)))
+    rigid = replace(model, state=nominal_state(stiff.vjm, model.state.body_masses, np.ones(6)))
     assert position_errors(rigid, [other], 30).rms_mm > 0.5
 
 

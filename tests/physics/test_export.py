@@ -80,8 +80,8 @@ def test_a_new_urdf_is_the_model_to_mujoco_too(ur10, rng, tmp_path):
     q, names = random_joints(state.vjm)[:30], [joint.name for joint in ur10.joints]
     found, model = poses_by_mujoco(out.read_text(), "tool", names, q)
     np.testing.assert_allclose(found, tool_poses(state.vjm, q, state.theta_0), rtol=0, atol=1e-10)
-    np.testing.assert_allclose(model.body_mass[1:], state.masses.mass)
-    np.testing.assert_allclose(model.body_ipos[1:], state.masses.centre_of_mass, atol=1e-12)
+    np.testing.assert_allclose(model.body_mass[1:], state.body_masses.mass)
+    np.testing.assert_allclose(model.body_ipos[1:], state.body_masses.centre_of_mass, atol=1e-12)
     np.testing.assert_allclose(model.jnt_range, ur10.limits.T, atol=1e-10)
 
 
@@ -157,7 +157,7 @@ def test_what_stands_beside_gives_the_models_deflections(ur10, rng, tmp_path):
     np.testing.assert_allclose(
         [j["sine"] + j["cosine"] + [j["ratio"]] for j in said["joints"]], state.error_coefficients
     )
-    bodies = zip(links, said["weights"], where.body_frames, state.masses.centre_of_mass, strict=False)
+    bodies = zip(links, said["weights"], where.body_frames, state.body_masses.centre_of_mass, strict=False)
     for link, weight, (p, R), centre in bodies:
         found = at[link] @ [*weight["centre_m"], 1]
         np.testing.assert_allclose(found[:3], p[:, 0] + R[..., 0] @ centre, atol=1e-8)

@@ -237,7 +237,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
         new = true_torques(cell, model, q[301::2], 0 * wrench[301::2], point[301::2])
         return rms(own_weight_load(straight, found)[-n:].T - new)
 
-    assert error(found.masses) < 0.3 * sigma < 3 * sigma < error(weights)
+    assert error(found.body_masses) < 0.3 * sigma < 3 * sigma < error(weights)
     assert found.motor_torques == (sign == -1)
     assert ("those of the weight" in of_masses(found)) == (sign == 1)
 
@@ -248,7 +248,7 @@ def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_b
     q, (wrench, point) = random_q(kr500, rng, 200), hung(kr500, 200, 0.0)
     exact = true_torques(kr500, kr500.room.model, q, wrench, point)
     found = fit_link_masses(kr500.vjm, weights, (with_torques(q, wrench, point, exact[:, ::-1]),))
-    assert found.masses is weights
+    assert found.body_masses is weights
     assert "order of joints" in of_masses(found)
     assert fit_link_masses(kr500.vjm, weights, (with_torques(q, wrench, point, None),)) is None
 
@@ -258,8 +258,10 @@ def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_b
         return fit_link_masses(kr500.vjm, weights, (with_torques(q, 0 * wrench, point, torque),))
 
     found = fit(250.0)
-    assert (np.abs(found.masses.mass / weights.mass - 1) < MAX_MASS_DEVIATIONS * MASS_DEVIATION + 1e-9).all()
+    assert (
+        np.abs(found.body_masses.mass / weights.mass - 1) < MAX_MASS_DEVIATIONS * MASS_DEVIATION + 1e-9
+    ).all()
     assert "by the largest allowed amount: link_" in of_masses(found)
     found = fit(1000.0)
-    assert found.masses is weights
+    assert found.body_masses is weights
     assert "the unit and the payload" in of_masses(found)

@@ -99,7 +99,9 @@ def test_numbers_of_the_report_are_those_of_the_model_that_was_written(made, rep
     state = read_model(made[0]).state
     series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
     after = distances(state, series)
-    before = distances(align_all(nominal_state(state.vjm, state.masses, state.torque_scale), series), series)
+    before = distances(
+        align_all(nominal_state(state.vjm, state.body_masses, state.torque_scale), series), series
+    )
     for key, size in (("total_before", before), ("total_after", after)):
         known = (len(size), size.mean(), np.sqrt((size**2).mean()), np.percentile(size, 95), size.max())
         assert list(report[key].values()) == pytest.approx(known, rel=1e-6)
@@ -304,7 +306,7 @@ def test_the_page_draws_readings_off_the_arm_as_drawn_and_as_calibrated(made, re
     [group], [times, *_] = drawn["scene"]["groups"], times_of(drawn["scene"]["title"])
     state = read_model(made[0]).state
     series, _ = read_all(list(map(File, readings[:2])), state.vjm.arm)
-    straight = align_all(nominal_state(state.vjm, state.masses, state.torque_scale), series)
+    straight = align_all(nominal_state(state.vjm, state.body_masses, state.torque_scale), series)
     at = {one.name: one for one in series}
     for name, own in (("calibrated arm", state), ("nominal arm", straight)):
         left = {key: residuals(own, one).transpose(2, 0, 1) for key, one in at.items()}

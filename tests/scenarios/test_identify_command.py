@@ -172,7 +172,7 @@ def test_an_arm_whose_masses_only_mujoco_knows_has_a_model_without_own_weight(tm
     with numbers_alone():
         run("identify", arm, tmp_path / "data.csv", *flags)
     model = tb.load_model(tmp_path / "m", arm)
-    assert not model.state.masses.mass.any()
+    assert not model.state.body_masses.mass.any()
     assert any(doubt.startswith("Own weight is left out: ") for doubt in model.origin.warnings)
 
 

@@ -173,7 +173,7 @@ def test_the_first_pose_that_cannot_bear_its_load_is_named_by_its_line(model, tm
     """An arm 300 times softer, that bears a newton and not a ton."""
     stiff = tb.load_model(model)
     soft = replace(stiff, state=replace(stiff.state, C_theta=300 * stiff.state.C_theta))
-    light = replace(soft, state=replace(soft.state, masses=BodyMasses(np.zeros(8), np.zeros((8, 3)))))
+    light = replace(soft, state=replace(soft.state, body_masses=BodyMasses(np.zeros(8), np.zeros((8, 3)))))
     file = poses_file(tmp_path / "poses.csv", q[:6], ["0,0,-1,0"] * 3 + ["0,0,-90000,0"] * 3)
     with pytest.raises(InputError, match="line 5: no static equilibrium at q"):
         predict_file(light, read_pose_file(file, light, None, MASS), 1000.0)

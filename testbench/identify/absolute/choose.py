@@ -480,7 +480,7 @@ MAX_POSES_IN_MEMORY = 1000  #: Most poses whose columns of all virtual joints ar
 class MassFit:
     """Hold link masses fitted to measured joint torques, and how well they explain the torques."""
 
-    masses: BodyMasses  #: Fitted masses; the nominal ones if gravity does not explain the torques.
+    body_masses: BodyMasses  #: Fitted masses; the nominal ones if gravity does not explain the torques.
     n_poses: int  #: Number of poses with measured torques.
     nominal_residual: float  #: RMS residual of the torques with the nominal masses [N m, N].
     residual: float  #: RMS residual of the torques with the fitted masses [N m, N].
@@ -519,7 +519,7 @@ def fit_link_masses(vjm: Vjm, nominal_masses: BodyMasses, series: tuple[Series, 
     names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
     carries, carried = (_fit(nominal_masses, names, A, sign * torque - known) for sign in (1, -1))
     best = min(carries, replace(carried, motor_torques=True), key=lambda fit: fit.residual)
-    return best if best.explains_torques else replace(best, masses=nominal_masses, bodies_at_bound=())
+    return best if best.explains_torques else replace(best, body_masses=nominal_masses, bodies_at_bound=())
 
 
 def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, Array]]:
@@ -534,15 +534,15 @@ def _rows(vjm: Vjm, series: tuple[Series, ...]) -> Iterator[tuple[Array, Array, 
             yield columns.reshape(*columns.shape[:2], -1), known, torque[rows].T
 
 
-def _fit(weights: BodyMasses, names: Sequence[str], A: Array, y: Array) -> MassFit:
+def _fit(nominal_masses: BodyMasses, names: Sequence[str], A: Array, y: Array) -> MassFit:
     """Fit masses by least squares with a prior, reweighted; offsets are removed as weighted means.
 
     y are loads of the joints by gravity, (n, runs) [N m, N], with an offset. A is y per unit of each of the
     four parameters of every body but the base, (n, runs, 4 (bodies - 1)).
     """
-    prior = weights.inertial_parameters[1:].ravel()
+    prior = nominal_masses.inertial_parameters[1:].ravel()
     sd = (
-        weights.mass[1:, None]
+        nominal_masses.mass[1:, None]
         * np.array([MASS_DEVIATION, CENTRE_DEVIATION, CENTRE_DEVIATION, CENTRE_DEVIATION])
     ).ravel()
     y_0, A = y - A @ prior, A * sd  # from here on steps from the prior, in its standard deviations
@@ -556,9 +556,9 @@ def _fit(weights: BodyMasses, names: Sequence[str], A: Array, y: Array) -> MassF
         x = _step(_off_mean(A, w), _off_mean(y_0, w), w)
         left = _off_mean(y_0 - A @ x, w)
     at_bound = (np.abs(x) > MAX_MASS_DEVIATIONS * (1 - 1e-9)).reshape(-1, 4).any(axis=1)
-    p = np.vstack([weights.inertial_parameters[:1], (prior + sd * x).reshape(-1, 4)])
+    p = np.vstack([nominal_masses.inertial_parameters[:1], (prior + sd * x).reshape(-1, 4)])
     return MassFit(
-        masses=BodyMasses(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
+        body_masses=BodyMasses(p[:, 0], p[:, 1:] / np.where(p[:, :1] > 0, p[:, :1], 1)),
         n_poses=y.shape[1],
         nominal_residual=_rms(before),
         residual=_rms(_scatter(left)),

@@ -192,7 +192,7 @@ def calibrate(
     series: Sequence[Series],
     prior: Prior,
     options: CalibrationOptions | None = None,
-    masses: BodyMasses | None = None,
+    body_masses: BodyMasses | None = None,
 ) -> Calibration:
     """Calibrate an arm from absolute readings: geometry, joint errors and compliances.
 
@@ -205,7 +205,7 @@ def calibrate(
         series: All absolute readings: joint angles, loads, target positions [m].
         prior: Expected compliances, such as `cad_prior(arm)`.
         options: Method and errors that are tried; None for GCO with all errors.
-        masses: Masses of the links; None for those of the arm's rigid.xml.
+        body_masses: Masses of the links; None for those of the arm's rigid.xml.
 
     Returns:
         The calibrated arm with its uncertainty, the noise, and the errors that were kept.
@@ -221,7 +221,7 @@ def calibrate(
         raise BenchError("series: expected one or more, got none")
     _check_points(series)
     options = options or CalibrationOptions()
-    return select_and_solve(linearise_readings(vjm, series, prior, options, masses), options)
+    return select_and_solve(linearise_readings(vjm, series, prior, options, body_masses), options)
 
 
 def _check_points(series: Sequence[Series]) -> None:
@@ -256,7 +256,7 @@ def linearise_readings(
     series: Sequence[Series],
     prior: Prior,
     options: CalibrationOptions,
-    masses: BodyMasses | None = None,
+    body_masses: BodyMasses | None = None,
 ) -> LinearisedReadings:
     """Fit geometry and springs to absolute readings, and reduce their equations for any selection of errors.
 
@@ -267,7 +267,7 @@ def linearise_readings(
         series: The readings.
         prior: Expected compliances.
         options: Method and errors that may be tried.
-        masses: Masses of the links; None for those of the arm's rigid.xml.
+        body_masses: Masses of the links; None for those of the arm's rigid.xml.
 
     Returns:
         The reduced equations, and the fitted arm at which they are linearised.
@@ -275,8 +275,8 @@ def linearise_readings(
     # Check the readings, and start from the rigid nominal arm.
     series, lost = with_common_targets(series)
     check_row_order(vjm, series)
-    masses = masses or read_body_masses(vjm.arm)
-    bare = nominal_state(vjm, masses, torque_scale(vjm, masses, series))
+    body_masses = body_masses or read_body_masses(vjm.arm)
+    bare = nominal_state(vjm, body_masses, torque_scale(vjm, body_masses, series))
     joints = scale_by_prior(prior, vjm, joints_only(vjm.arm))
 
     def fit_series(parts: tuple[Series, ...]) -> tuple[ArmState, Noise]:

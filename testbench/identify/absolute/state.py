@@ -82,7 +82,7 @@ class ArmState(Displayed):
     """
 
     vjm: Vjm  #: Nominal virtual joint model.
-    masses: BodyMasses  #: Masses of the links.
+    body_masses: BodyMasses  #: Masses of the links.
     theta_0: Array  #: Constants of the virtual joints, the errors of geometry, (n_theta,) [m, rad].
     C_theta: Array  #: Compliances of the virtual joints, (n_theta, n_theta) [m/N, rad/(N m)].
     error_terms: JointErrorTerms  #: Kinds of joint errors: the functions Phi(q).
@@ -124,17 +124,17 @@ class ArmState(Displayed):
         return replace(mount, points=mount.points[at], markers=series.markers)
 
 
-def nominal_state(vjm: Vjm, masses: BodyMasses, torque_scale: Array) -> ArmState:
+def nominal_state(vjm: Vjm, body_masses: BodyMasses, torque_scale: Array) -> ArmState:
     """Make the model of the nominal arm: rigid, without errors, frames and mounts.
 
     Args:
         vjm: The arm's virtual joint model.
-        masses: Masses of the links.
+        body_masses: Masses of the links.
         torque_scale: RMS torque of every joint, (n,) [N m, N].
     """
     n = vjm.n_theta
     empty = np.zeros((vjm.arm.n_joints, 0))
-    return ArmState(vjm, masses, np.zeros(n), np.zeros((n, n)), JointErrorTerms(), empty, torque_scale)
+    return ArmState(vjm, body_masses, np.zeros(n), np.zeros((n, n)), JointErrorTerms(), empty, torque_scale)
 
 
 def with_error_terms(state: ArmState, error_terms: JointErrorTerms) -> ArmState:
@@ -239,7 +239,7 @@ def generalised_loads_at(state: ArmState, chain: ChainState, loads: Sequence[Loa
     Returns:
         u, (n_theta, runs) [N, N m].
     """
-    return own_weight_load(chain, state.masses) + sum_generalised_loads(chain, loads)
+    return own_weight_load(chain, state.body_masses) + sum_generalised_loads(chain, loads)
 
 
 def theta_without_springs(state: ArmState, q: Array, loads: Sequence[Load]) -> Array:
@@ -274,12 +274,12 @@ def series_equilibrium(state: ArmState, series: Series) -> JointEquilibrium:
     return joint_equilibrium(state, series.q, loads, CALIBRATION_EQUILIBRIUM_STEPS)
 
 
-def torque_scale(vjm: Vjm, masses: BodyMasses, series: tuple[Series, ...]) -> Array:
+def torque_scale(vjm: Vjm, body_masses: BodyMasses, series: tuple[Series, ...]) -> Array:
     """Compute the RMS torque of every joint by own weight and loads, over all rows of some series.
 
     Args:
         vjm: The arm's virtual joint model.
-        masses: Masses of the links.
+        body_masses: Masses of the links.
         series: The readings, which give poses and loads.
 
     Returns:
@@ -290,7 +290,7 @@ def torque_scale(vjm: Vjm, masses: BodyMasses, series: tuple[Series, ...]) -> Ar
         for first in range(0, readings.n_rows, MAX_ROWS_IN_MEMORY):
             part = slice(first, first + MAX_ROWS_IN_MEMORY)
             where = evaluate_chain(vjm, readings.q[part])
-            u = own_weight_load(where, masses) + sum_generalised_loads(
+            u = own_weight_load(where, body_masses) + sum_generalised_loads(
                 where, [Load(readings.wrench[part], readings.point[part])]
             )
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)

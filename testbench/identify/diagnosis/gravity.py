@@ -322,7 +322,7 @@ def _springs_at_zero(state: ArmState) -> bool:
 def _scatter(state: ArmState, series: Sequence[Series], prior: Prior, g: Array) -> float:
     """Measure the scatter of readings about the arm with gravity along g, (3,) [m]; infinite if none fits."""
     vjm, every = with_base_rotated(state.vjm, g), tuple(series)
-    bare = nominal_state(vjm, state.masses, torque_scale(vjm, state.masses, every))
+    bare = nominal_state(vjm, state.body_masses, torque_scale(vjm, state.body_masses, every))
     try:
         noise = fit_geometry_and_springs(
             align_all(bare, every), every, scale_by_prior(prior, vjm, joints_only(vjm.arm))
