@@ -202,6 +202,14 @@ def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Correct
 # --- Readings against the kinematics ------------------------------------------------------------------------
 
 
+def _alternative(
+    corrected: Observations, where: tuple[str, ...] = (), size: Sequence[float] = (), more_parameters: int = 0
+) -> Correction[Observations]:
+    """Make the correction of one of many alternatives; a choice counts as CHOICE_PARAMETER_COUNT parameters."""
+    count = CHOICE_PARAMETER_COUNT + more_parameters
+    return Correction(where, np.array(size), corrected_data=corrected, parameter_count=count)
+
+
 def _frame(observations: Observations) -> KinematicCorrections:
     if not observations.free_parameters.frame:
         free = replace(observations.free_parameters, frame=True)
@@ -277,12 +285,7 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
         )
         for turn in () if joint.prismatic else ZERO_CONVENTIONS:
             corrected = replace(observations, q=observations.q + turn * np.eye(len(joints))[k])
-            yield Correction(
-                (joint.name,),
-                np.array([turn]),
-                corrected_data=corrected,
-                parameter_count=CHOICE_PARAMETER_COUNT + 1,
-            )
+            yield _alternative(corrected, (joint.name,), [turn], more_parameters=1)
 
 
 def _joint_zero_sentence(issue: Issue, arm: Arm) -> str:
@@ -304,7 +307,7 @@ def _markers(observations: Observations) -> KinematicCorrections:
             position=observations.position[:, order],
             is_measured=observations.is_measured[:, order],
         )
-        yield Correction(wrong, corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield _alternative(corrected, wrong)
 
 
 def _best_exchange(observations: Observations) -> tuple[int, ...]:
@@ -336,19 +339,14 @@ def _markers_sentence(issue: Issue, _: Arm) -> str:
 
 def _unit(observations: Observations) -> KinematicCorrections:
     for factor in UNIT_FACTORS:
-        corrected = replace(observations, position=factor * observations.position)
-        yield Correction(
-            size=np.array([factor]), corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT
-        )
+        yield _alternative(replace(observations, position=factor * observations.position), size=[factor])
 
 
 def _angle_unit(observations: Observations) -> KinematicCorrections:
     hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
         corrected = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
-        yield Correction(
-            size=np.array([factor]), corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT
-        )
+        yield _alternative(corrected, size=[factor])
 
 
 def _angle_unit_sentence(issue: Issue, _: Arm) -> str:
@@ -360,18 +358,10 @@ def _angle_unit_sentence(issue: Issue, _: Arm) -> str:
 def _order(observations: Observations) -> KinematicCorrections:
     """Try the readings of the pose before or after, from the first row on or from a later one."""
     for shift in (1, -1):
-        corrected = replace(observations, q=np.roll(observations.q, shift, axis=0))
-        yield Correction(
-            size=np.array([shift]), corrected_data=corrected, parameter_count=CHOICE_PARAMETER_COUNT
-        )
+        yield _alternative(replace(observations, q=np.roll(observations.q, shift, axis=0)), size=[shift])
     if slip := find_row_shift(observations):
-        first, corrected = str(observations.run_id[slip.first_row]), replace(observations, q=slip.q)
-        yield Correction(
-            (first,),
-            np.array([slip.shift]),
-            corrected_data=corrected,
-            parameter_count=CHOICE_PARAMETER_COUNT + 1,
-        )
+        first = str(observations.run_id[slip.first_row])
+        yield _alternative(replace(observations, q=slip.q), (first,), [slip.shift], more_parameters=1)
 
 
 def _order_sentence(issue: Issue, _: Arm) -> str:
@@ -383,11 +373,7 @@ def _order_sentence(issue: Issue, _: Arm) -> str:
 def _joint_sign(observations: Observations) -> KinematicCorrections:
     for k, joint in enumerate(observations.vjm.arm.joints):
         sign = np.where(np.arange(observations.q.shape[1]) == k, -1, 1)
-        yield Correction(
-            (joint.name,),
-            corrected_data=replace(observations, q=observations.q * sign),
-            parameter_count=CHOICE_PARAMETER_COUNT,
-        )
+        yield _alternative(replace(observations, q=observations.q * sign), (joint.name,))
 
 
 def _joint_coupling(observations: Observations) -> KinematicCorrections:
@@ -410,11 +396,7 @@ def _joint_coupling(observations: Observations) -> KinematicCorrections:
             for (j, i), sign in zip(pairs, signs, strict=True):
                 q[:, j] += sign * observations.q[:, i]
                 where += [joints[j].name, "+" if sign > 0 else "-", joints[i].name]
-            yield Correction(
-                tuple(where),
-                corrected_data=replace(observations, q=q),
-                parameter_count=CHOICE_PARAMETER_COUNT,
-            )
+            yield _alternative(replace(observations, q=q), tuple(where))
 
 
 def _joint_coupling_sentence(issue: Issue, _: Arm) -> str:
@@ -428,11 +410,7 @@ def _joint_order(observations: Observations) -> KinematicCorrections:
     names = [joint.name for joint in observations.vjm.arm.joints]
     for order in likely_joint_orders(observations):
         where = tuple(names[k] for k in np.argsort(order))
-        yield Correction(
-            where,
-            corrected_data=replace(observations, q=observations.q[:, order]),
-            parameter_count=CHOICE_PARAMETER_COUNT,
-        )
+        yield _alternative(replace(observations, q=observations.q[:, order]), where)
 
 
 def _joint_order_sentence(issue: Issue, arm: Arm) -> str:
@@ -454,14 +432,12 @@ def _axes(observations: Observations) -> KinematicCorrections:
         flipped = observations.with_orientations(
             position * np.where(np.arange(3) == k, -1.0, 1.0), observations.rotation
         )
-        yield Correction((name,), corrected_data=flipped, parameter_count=CHOICE_PARAMETER_COUNT)
+        yield _alternative(flipped, (name,))
     for i, j in combinations(range(3), 2):
         order = np.arange(3)
         order[[i, j]] = j, i
         exchanged = observations.with_orientations(position[..., order], observations.rotation)
-        yield Correction(
-            ("xyz"[i], "xyz"[j]), corrected_data=exchanged, parameter_count=CHOICE_PARAMETER_COUNT
-        )
+        yield _alternative(exchanged, ("xyz"[i], "xyz"[j]))
 
 
 def _axes_sentence(issue: Issue, _: Arm) -> str:
@@ -490,11 +466,7 @@ def _notation(observations: Observations) -> KinematicCorrections:
         names, _ = by_rotation.get(same, ((), matrix))
         by_rotation[same] = (*names, meant, read), matrix
     for names, rotation in (((), rotations.swapaxes(1, 2)), *by_rotation.values()):
-        yield Correction(
-            names,
-            corrected_data=observations.with_orientations(position, rotation),
-            parameter_count=CHOICE_PARAMETER_COUNT,
-        )
+        yield _alternative(observations.with_orientations(position, rotation), names)
 
 
 def _notation_sentence(issue: Issue, _: Arm) -> str:
