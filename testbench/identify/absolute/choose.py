@@ -59,7 +59,7 @@ INDIVIDUAL_VARIANCE_RATIO = 0.2
 """Share of the variance of periodic errors that is individual to each joint while a pattern is sought [1]."""
 MIN_REMAINING_EQUATION_RATIO = 0.2
 """Least share of all equations that must remain when a series is held out [1]."""
-LOAD_WEIGHT_IN_BLOCKS = 2.0
+LOAD_FEATURE_WEIGHT = 2.0
 """Distance between the largest load and no load in the space of sines and cosines of the joints, in which
 blocks are formed [1]: very different loads are in different blocks."""
 
@@ -131,7 +131,7 @@ def joint_space_blocks(series: Sequence[Series]) -> list[Ids]:
         k = max(1, min(max(2, share), len(first) // MIN_BLOCK_POSES))
         load = np.linalg.norm(readings.wrench[:, :3], axis=1)
         place = np.column_stack(
-            [np.sin(readings.q), np.cos(readings.q), LOAD_WEIGHT_IN_BLOCKS * load / (load.max() or 1.0)]
+            [np.sin(readings.q), np.cos(readings.q), LOAD_FEATURE_WEIGHT * load / (load.max() or 1.0)]
         )
         label = np.zeros(readings.n_rows, dtype=int)
         if k > 1:

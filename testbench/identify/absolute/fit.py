@@ -164,9 +164,15 @@ class Calibration(Displayed):
 
 
 def posterior_of_calibration(calibration: "Calibration") -> Posterior:
-    """Return the posterior of all unknowns of a calibration in SI units; frames and mounts are steps.
+    """Return the posterior of all unknowns of a calibration; those of frames and mounts are steps from it.
 
     Mathematics: `abs-13`.
+
+    Args:
+        calibration: The calibrated arm.
+
+    Returns:
+        Mean and covariance root of the c unknowns, in SI units.
     """
     active = calibration.active_unknowns
     L = np.zeros((0, 0)) if active.compliance_prior is None else active.compliance_prior.L

@@ -51,7 +51,7 @@ def covariance_root(precision_root: Array, L: Array) -> Array:
     Args:
         precision_root: Upper triangular root R of the precision R^T R, compliances in units of the prior,
             (c, c).
-        L: Compliances, the last e unknowns, in SI units per unit of the prior, (e, e).
+        L: Compliances in SI units per unit of the prior, (e, e); they are the last e unknowns.
 
     Returns:
         W, (c, c).
@@ -286,7 +286,7 @@ def further_information(
     information_for = information_of or (lambda readings: information_of_series(unknowns, state, readings))
 
     def information_of_turned_joint(j: int) -> Array:
-        """Compute the information with joint j turned through its range, (size, size)."""
+        """Compute the information from poses in which joint j turns through its range, (size, size)."""
         total = np.zeros((unknowns.size,) * 2)
         for readings in series:
             count = min(readings.n_rows, -(-POSES_PER_TURNED_JOINT // len(series)))
@@ -356,22 +356,22 @@ class StructuralDirections:
 
 
 def structural_directions(
-    unknowns: Unknowns, L: Array, added_information: AddedInformation
+    unknowns: Unknowns, prior_root: Array, added_information: AddedInformation
 ) -> StructuralDirections:
     """Find the structural directions: combinations of unknowns that move no target in any pose.
 
     Args:
         unknowns: The unknowns of a calibration.
-        L: Root of the prior covariance L L^T of the unknowns, (size, size).
+        prior_root: Root L of the prior covariance L L^T of the unknowns, (size, size).
         added_information: Information of poses in the whole joint space.
 
     Returns:
         The directions, and how many of them concern geometry, joints and compliances.
     """
     # Directions with hardly any information, in units of the prior.
-    of_fixed = np.diag(np.where(np.diag(L) > 0, 0.0, INFORMATION_OF_FIXED_UNKNOWNS))
-    M = L.T @ added_information.whole_joint_space @ L + of_fixed
-    drawn = L.T @ added_information.whole_joint_space_rigid @ L + of_fixed
+    of_fixed = np.diag(np.where(np.diag(prior_root) > 0, 0.0, INFORMATION_OF_FIXED_UNKNOWNS))
+    M = prior_root.T @ added_information.whole_joint_space @ prior_root + of_fixed
+    drawn = prior_root.T @ added_information.whole_joint_space_rigid @ prior_root + of_fixed
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.first_columns["errors"])
     # Structural directions of geometry, exactly, by the rigid nominal arm.

@@ -762,7 +762,7 @@ class Unknowns:
 
     @cached_property
     def equation_basis(self) -> "csr_array | None":
-        """Return the basis B of the unknowns y of the equations, x = B y in SI units, (size, size).
+        """Return the matrix B, (size, size), that turns unknowns y of the equations into x = B y in SI units.
 
         It is None if x = y, because no joints share an error pattern.
         """

@@ -49,7 +49,7 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, marker_positions
 
 USUAL_BACKLASH, USUAL_STIFFENING = 6e-5, 200.0
-"""Half width of a sound joint's backlash or friction [rad, m], and its stiffening per radian [1/rad].
+"""Half width of the usual backlash or friction of a joint [rad, m], and its stiffening per radian [1/rad].
 
 Both are a little larger than in `plant.disturbance.TYPICAL_DISTURBANCES`."""
 MIN_GAIN, MIN_GAIN_OF_RUN, MIN_GAIN_OF_ALL_LOADS = 7.0, 12.0, 20.0
@@ -199,7 +199,7 @@ def fit_residual_model(loads: LoadedRuns, hyperparameters: Array | None = None) 
 
         W = (kappa^2 I + H H^T)^-1 = I / kappa^2 - U U^T
 
-    H has the columns of compliances, and of backlash and stiffening of sound joints, times their prior
+    H has the columns of compliances, and of the usual backlash and stiffening of joints, times their prior
     standard deviations. The weighted residual is W (y - A E[pi]), with the prior mean E[pi].
 
     Args:
@@ -231,7 +231,7 @@ def fit_residual_model(loads: LoadedRuns, hyperparameters: Array | None = None) 
     expected = np.concatenate([residual, np.zeros(len(width))])
     x = np.linalg.lstsq(np.vstack([half, kappa * np.eye(len(width))]), expected)[0]
     pi = model.scaling.L @ (s * model.scaling.expected_x + width * x)
-    # Covariance by compliances and sound joints, in the singular vectors of H.
+    # Covariance by compliances, backlash and stiffening, in the singular vectors of H.
     if vjm.arm.joints:
         half = np.hstack([half, backlash_and_stiffening_columns(vjm, data, structure, pi)])
     left, size, _ = np.linalg.svd(half, full_matrices=False)
@@ -303,7 +303,7 @@ def find_load_issues(
         single_runs: Hypotheses about single runs.
 
     Returns:
-        Issues, the most probable first; none for sound runs.
+        Issues, the most probable first; none for runs without a mistake.
     """
     factor = deflection_scale(loads)
     gravity = suspected_gravity(loads.vjm, loads.compliance_prior, loads.data, loads.tracker_gravity)

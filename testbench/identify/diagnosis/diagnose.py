@@ -74,8 +74,8 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
         hypotheses: The table of mistakes.
 
     Returns:
-        Issues, the most probable first; none for sound runs. A mistake in all poses or all readings ends the
-        tests, because it would spoil them, unless the registration corrects it.
+        Issues, the most probable first; none for runs without a mistake. A mistake in all poses or all
+        readings ends the tests, because it would spoil them, unless the registration corrects it.
 
     Raises:
         BenchError: When the runs are of another arm, have no reading or hold absurd numbers.
@@ -261,7 +261,7 @@ def _observations(
 # --- Moves between two readings -----------------------------------------------------------------------------
 
 MAX_P_VALUE = 0.05
-"""Largest probability of a reported move, or a clearer one, in sound readings [1]."""
+"""Largest probability of a reported move, or a clearer one, in readings without a move [1]."""
 MIN_POSES_BESIDE_STEP = 3  #: Fewest poses before and after a move that is reported.
 #: Highest order of the periodic joint errors that may explain a move instead; few poses determine no more.
 MAX_PERIODIC_ORDER = 2

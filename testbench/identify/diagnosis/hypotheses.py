@@ -35,12 +35,12 @@ from testbench.identify.diagnosis.kinematics import (
     Issue,
     Observations,
     Submission,
-    any_above,
+    any_component_above,
+    any_vector_longer_than,
     cauchy_loss,
     find_row_shift,
     fit_kinematics,
     likely_joint_orders,
-    longer_than,
 )
 from testbench.model.vjm import tool_points, tool_poses
 
@@ -205,7 +205,7 @@ def _far_targets(submission: Submission, *, exchanged: bool) -> Iterator[Correct
 def _alternative(
     corrected: Observations, where: tuple[str, ...] = (), size: Sequence[float] = (), more_parameters: int = 0
 ) -> Correction[Observations]:
-    """Make the correction of one of many alternatives; a choice counts as CHOICE_PARAMETER_COUNT parameters."""
+    """Make the correction of one of many alternatives; the choice counts as several parameters."""
     count = CHOICE_PARAMETER_COUNT + more_parameters
     return Correction(where, np.array(size), corrected_data=corrected, parameter_count=count)
 
@@ -215,7 +215,7 @@ def _frame(observations: Observations) -> KinematicCorrections:
         free = replace(observations.free_parameters, frame=True)
         yield Correction(
             corrected_data=replace(observations, free_parameters=free),
-            is_large=longer_than(MIN_FRAME_TURN, MIN_FRAME_SHIFT),
+            is_large=any_vector_longer_than(MIN_FRAME_TURN, MIN_FRAME_SHIFT),
         )
 
 
@@ -236,7 +236,7 @@ def _targets(observations: Observations) -> KinematicCorrections:
             corrected_data=replace(
                 observations, free_parameters=replace(observations.free_parameters, targets=True)
             ),
-            is_large=longer_than(MIN_TARGET_SHIFT),
+            is_large=any_vector_longer_than(MIN_TARGET_SHIFT),
         )
 
 
@@ -260,7 +260,7 @@ def _link(observations: Observations) -> KinematicCorrections:
         yield Correction(
             (link.name,),
             corrected_data=replace(observations, free_parameters=free),
-            is_large=longer_than(MIN_FRAME_SHIFT),
+            is_large=any_vector_longer_than(MIN_FRAME_SHIFT),
         )
 
 
@@ -272,7 +272,7 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
     """
     joints, links = observations.vjm.arm.joints, 6 * len(observations.vjm.arm.links)
     for k, joint in enumerate(joints):
-        is_large = any_above(
+        is_large = any_component_above(
             (LAST_JOINT_ZERO_FACTOR if k == len(joints) - 1 else 1.0) * MIN_JOINT_ZERO_ERROR[joint.prismatic]
         )
         free = replace(observations.free_parameters, theta=(links + k,))
@@ -565,7 +565,7 @@ def _sized_correction(
 ) -> Correction[LoadedRuns]:
     """Describe a mistake of unknown size by data sets with one prior deviation of it corrected in each."""
     Z = loads.mistake_jacobian(corrected)
-    return Correction(jacobian=Z, prior_deviation=prior_deviation, is_large=any_above(min_size))
+    return Correction(jacobian=Z, prior_deviation=prior_deviation, is_large=any_component_above(min_size))
 
 
 def _force_offset(loads: LoadedRuns) -> LoadCorrections:
@@ -672,7 +672,7 @@ def _run_load(loads: LoadedRuns) -> LoadCorrections:
             jacobian=PRIOR_LOAD_ERROR * deflections[slice(*equations), None],
             equation_range=equations,
             prior_deviation=PRIOR_LOAD_ERROR,
-            is_large=any_above(MIN_RUN_LOAD_ERROR),
+            is_large=any_component_above(MIN_RUN_LOAD_ERROR),
         )
 
 
@@ -764,7 +764,7 @@ class Hypotheses:
 
     @property
     def sentences(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
-        """Return the sentence function and the question of each hypothesis, by its name."""
+        """Return the function that describes each kind of mistake, and the question to the user, by name."""
         parts = (
             self.single_runs,
             self.all_loads,

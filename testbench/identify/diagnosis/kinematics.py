@@ -14,7 +14,7 @@ in the units of Z, the gain is the logarithm of a Bayes factor (Kass and Raftery
 
 `hypotheses` holds the table of all mistakes.
 
-Positions must agree with the kinematics up to the errors of a sound arm: calibration, own weight, a target
+Positions must agree with the kinematics up to the usual errors of an arm: calibration, own weight, a target
 that is a few millimetres off. Cauchy's loss keeps a few wrong readings from being taken for a mistake in all.
 
 Two mistakes have more candidates than can be fitted: orders of the joints, and rows that slipped.
@@ -28,7 +28,7 @@ The form is linear in A, b and, if it is unknown, m. Its residual is small only 
 orders that fit it best are then fitted with a frame, whose A is a rotation.
 
 If a cell of a table was deleted, all readings from its row on are shifted against their poses. One half of
-the rows is all sound or all shifted: it determines the frame. The shift begins at the row where the summed
+the rows is all correct or all shifted: it determines the frame. The shift begins at the row where the summed
 losses are least.
 """
 
@@ -101,7 +101,7 @@ class Correction(Generic[Case]):
     equation_range: tuple[int, int] | None = None
     prior_deviation: float = 1.0  #: Prior standard deviation of the mistake's size, SI units.
     parameter_count: int = 0  #: Number of free parameters that the choice of this correction counts as.
-    #: Tells whether a size exceeds that in sound arms and readings.
+    #: Tells whether a size exceeds that in usual arms and readings.
     is_large: Callable[[Array], bool] = lambda _: True
 
 
@@ -153,12 +153,12 @@ def issues_without_fit(data: Case, hypotheses: Sequence[Hypothesis[Case]]) -> li
     ]
 
 
-def longer_than(*limits: float) -> Callable[[Array], bool]:
+def any_vector_longer_than(*limits: float) -> Callable[[Array], bool]:
     """Make a function of a size, (3 k,), that tells whether any of its k vectors is longer than its limit."""
     return lambda size: any(np.linalg.norm(size[3 * k : 3 * k + 3]) > limit for k, limit in enumerate(limits))
 
 
-def any_above(limit: float) -> Callable[[Array], bool]:
+def any_component_above(limit: float) -> Callable[[Array], bool]:
     """Make a function of a size, (k,), that tells whether any of its numbers is larger than a limit."""
     return lambda size: bool(np.abs(size).max() > limit)
 
@@ -223,7 +223,7 @@ def correct_one_by_one(
 
 # --- Readings and the arm's kinematics: the fit, and mistakes that explain the readings better --------------
 
-#: Distance of targets of a sound arm from its nominal kinematics, over its reach [1].
+#: Usual distance of targets from the nominal kinematics of an arm, over its reach [1].
 EXPECTED_DISTANCE_OVER_REACH = 1.5e-3
 IDENTITY_FRAME = Frame(np.eye(3), np.zeros(3))
 PARAMETER_COST = 4.0  #: Log-likelihood that each free parameter has to gain [nats].
@@ -266,7 +266,7 @@ class Observations:
     target_names: tuple[str, ...]  #: Names of the targets.
     run_id: Ids  #: Identifier of each row's run, (rows,).
     pose_id: Ids  #: Identifier of each row's pose, (rows,).
-    #: Typical distance of a sound reading from the kinematics [m]: the scale of Cauchy's loss.
+    #: Usual distance of a correct reading from the kinematics [m]: the scale of Cauchy's loss.
     expected_distance: float
     free_parameters: FreeParameters = FreeParameters()  #: Parameters that a fit estimates.
     #: Orientations, tracker from target, (rows, 3, 3) [1], also held as the last three targets; None if not
@@ -381,7 +381,7 @@ class KinematicFit:
 
 @dataclass(frozen=True)
 class FittedObservations:
-    """Hold readings and their fit to the kinematics, from which single wrong poses and readings are found."""
+    """Hold readings and their fit to the kinematics; its residuals show single wrong poses and readings."""
 
     observations: Observations  #: The readings, after a mistake in all of them is corrected.
     fit: KinematicFit  #: Their fit.
@@ -394,7 +394,7 @@ def cauchy_loss(residual: Array, scale: float) -> Array:
 
     Args:
         residual: Residuals r, (..., 3) [m].
-        scale: Typical distance of a sound reading [m].
+        scale: Usual distance of a correct reading [m].
 
     Returns:
         Losses, (...) [nats].
@@ -475,7 +475,7 @@ class _Trial:
     gain: float  #: Cost as read, minus the cost without the mistake and that of the choice [nats].
 
     def where_and_size(self, observations: Observations) -> tuple[tuple[str, ...], Array]:
-        """Name what has the mistake, and compute the size of the mistake.
+        """Find which joint, link or target has the mistake, and the size of the mistake.
 
         Args:
             observations: The readings as they are, with the mistake.
@@ -719,7 +719,7 @@ class RowShift:
 
 
 def find_row_shift(observations: Observations) -> RowShift | None:
-    """Find the row from which readings belong to the pose before or after; all rows before it are sound.
+    """Find the row from which readings belong to the pose before or after; all rows before it are correct.
 
     The result is None when no slip explains the readings clearly better.
     """
@@ -745,7 +745,7 @@ def _slip_costs(
 ) -> Iterator[tuple[float, float, int, int, KinematicFit]]:
     """Yield the cost of all readings if they slipped one way from the best row, and the gain [nats].
 
-    With them the row, the way and the fit: of the first half, all sound, or of the second, all slipped.
+    With them the row, the way and the fit: of the first half, all correct, or of the second, all slipped.
     """
     for shift in (1, -1):
         moved = replace(observations, q=np.roll(observations.q, shift, axis=0))

@@ -48,7 +48,7 @@ MAX_AMBIGUOUS_CHI2 = 10.0
 
 @dataclass(frozen=True)
 class NuisanceModel:
-    """Hold a linear model of all errors that may explain readings instead of a step, with their prior."""
+    """Hold a linear model of all errors, with their prior, that may explain residuals instead of a move."""
 
     active_unknowns: ActiveUnknowns  #: The unknowns, c of them.
     prior_precision: Array  #: Prior precision of the unknowns, compliances in units of the prior, (c, c).
