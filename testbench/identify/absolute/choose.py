@@ -171,56 +171,45 @@ def select_errors(
     Returns:
         The selected unknowns with the sizes of their errors, and all trials.
     """
-    kinds, compliance_prior = GEOMETRY_ERROR_KINDS, None
-    tried = _evaluate(
-        activate_unknowns(unknowns, kinds, compliance_prior),
-        reduced_readings,
-        default_error_scales(unknowns, len(reduced_readings.kinds)),
-        rules,
-    )
+    geometry = activate_unknowns(unknowns, GEOMETRY_ERROR_KINDS, None)
+    initial = default_error_scales(unknowns, len(reduced_readings.kinds))
+    best = _evaluate(geometry, GEOMETRY_ERROR_KINDS, reduced_readings, initial, rules)
     # Forward selection: add each candidate to the kept ones, and keep it if held-out readings improve.
     steps: dict[str, SelectionStep] = {}
-    simpler_trials = {"geometry": tried}
+    simpler_trials = {"geometry": best}
     for candidate in stepwise(candidates, "trying errors"):
-        more = kinds | candidate.error_kinds, candidate.compliance_prior or compliance_prior
-        shared = (
-            with_shared_pattern(tried.active, kinds, tried.scales, reduced_readings)
-            if candidate.searches_pattern
-            else None
-        )
-        if candidate.searches_pattern and shared is None:
+        added = _add_candidate(best, candidate)
+        if added is None:
             continue
-        active, equations = shared or (activate_unknowns(unknowns, *more), reduced_readings)
-        other = _evaluate(active, equations, tried.scales, rules)
-        steps[candidate.name] = _selection_step(candidate, tried, other)
+        trial = _evaluate(*added, best.scales, rules)
+        steps[candidate.name] = _selection_step(candidate, best, trial)
         if steps[candidate.name].kept:
-            tried = other
-            kinds, compliance_prior = more
-            unknowns = active.unknowns
-            reduced_readings = equations
+            best = trial
         if candidate.always_kept:
-            simpler_trials[f"geometry and {candidate.name}"] = tried
+            simpler_trials[f"geometry and {candidate.name}"] = best
     # Backward pass: drop a kind that a later one has made unnecessary.
-    kept = [tested for tested in candidates if tested.name in steps and steps[tested.name].kept]
+    kept = [candidate for candidate in candidates if candidate.name in steps and steps[candidate.name].kept]
     for candidate in kept[:-1]:  # the next one that was kept may explain the same
-        if (
-            candidate.error_kinds
-            and not candidate.always_kept
-            and not ("pattern" in kinds and candidate.error_kinds & {"harmonics", "pattern"})
-        ):
-            fewer = activate_unknowns(unknowns, kinds - candidate.error_kinds, compliance_prior)
-            other = _evaluate(fewer, reduced_readings, tried.scales, rules)
-            again = _selection_step(candidate, other, tried)
+        has_pattern = "pattern" in best.error_kinds and candidate.error_kinds & {"harmonics", "pattern"}
+        if candidate.error_kinds and not candidate.always_kept and not has_pattern:
+            fewer = best.error_kinds - candidate.error_kinds
+            active = activate_unknowns(best.active.unknowns, fewer, best.active.compliance_prior)
+            trial = _evaluate(active, fewer, best.reduced_readings, best.scales, rules)
+            again = _selection_step(candidate, trial, best)
             if not again.kept:
-                tried = other
-                kinds = kinds - candidate.error_kinds
+                best = trial
                 steps[candidate.name] = again
     # Held-out errors of the simpler model, for comparison.
-    simpler = {name: trial for name, trial in simpler_trials.items() if trial is not tried} or simpler_trials
-    plain, other = min(simpler.items(), key=lambda named: named[1].blocks[:, 2].sum())
-    held = _by_block(other.blocks), _by_block(tried.blocks)
+    simpler = {name: trial for name, trial in simpler_trials.items() if trial is not best} or simpler_trials
+    plain, trial = min(simpler.items(), key=lambda named: named[1].blocks[:, 2].sum())
     return SelectedModel(
-        tried.active, tried.scales, reduced_readings, kinds, tuple(steps.values()), plain, held
+        best.active,
+        best.scales,
+        best.reduced_readings,
+        best.error_kinds,
+        tuple(steps.values()),
+        plain,
+        (_by_block(trial.blocks), _by_block(best.blocks)),
     )
 
 
@@ -272,19 +261,37 @@ def with_shared_pattern(
 
 @dataclass(frozen=True)
 class _Trial:
-    """Hold the held-out errors of one choice of unknowns."""
+    """Hold the held-out errors of one choice of errors."""
 
     active: ActiveUnknowns
+    error_kinds: frozenset[str]
+    reduced_readings: ReducedReadings  #: The reduced equations, in the basis of the unknowns.
     scales: ErrorScales
     #: Number, whitened sum of squares and sum of squares [m^2] of the positions in every held-out block, and
     #: its `predictive_deviance` if there are faces, (blocks, 4).
     blocks: Array
     series: Array  #: The four numbers for every held-out series, (series, 4).
-    faces: bool  #: Whether some readings are heights over plane faces.
+
+
+def _add_candidate(
+    trial: _Trial, candidate: ErrorCandidate
+) -> tuple[ActiveUnknowns, frozenset[str], ReducedReadings] | None:
+    """Add a kind of error to those of a trial; None for a pattern that no joints share."""
+    active, equations = trial.active, trial.reduced_readings
+    kinds = trial.error_kinds | candidate.error_kinds
+    if candidate.searches_pattern:
+        shared = with_shared_pattern(active, trial.error_kinds, trial.scales, equations)
+        return None if shared is None else (shared[0], kinds, shared[1])
+    prior = candidate.compliance_prior or active.compliance_prior
+    return activate_unknowns(active.unknowns, kinds, prior), kinds, equations
 
 
 def _evaluate(
-    active: ActiveUnknowns, reduced: ReducedReadings, start: ErrorScales, rules: SelectionRules
+    active: ActiveUnknowns,
+    error_kinds: frozenset[str],
+    reduced: ReducedReadings,
+    start: ErrorScales,
+    rules: SelectionRules,
 ) -> _Trial:
     """Learn the sizes of a choice of errors, and compute its errors on held-out blocks and series."""
     scales = learn_error_scales(active, reduced, start, rules.constraint)
@@ -294,14 +301,19 @@ def _evaluate(
     repeated = [parts for parts in every if len(every) > 1 and not any(part.is_plane_face for part in parts)]
     fair = [parts for parts in repeated if sum(part.n_equations.sum() for part in parts) <= most]
     blocks = _held_out_sums(active, reduced, scales, rules, _blocks_to_hold_out(reduced))
-    faces = any(part.is_plane_face for part in reduced.blocks)
-    return _Trial(active, scales, blocks, _held_out_sums(active, reduced, scales, rules, fair), faces)
+    series = _held_out_sums(active, reduced, scales, rules, fair)
+    return _Trial(active, error_kinds, reduced, scales, blocks, series)
 
 
 def _by_series(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
     """Group the blocks by their series."""
     places = sorted({part.series_index for part in reduced.blocks})
     return [[part for part in reduced.blocks if part.series_index == place] for place in places]
+
+
+def _has_plane_faces(reduced: ReducedReadings) -> bool:
+    """Tell whether some readings are heights over plane faces."""
+    return any(part.is_plane_face for part in reduced.blocks)
 
 
 def _blocks_to_hold_out(reduced: ReducedReadings) -> list[list[SeriesBlock]]:
@@ -320,7 +332,7 @@ def _held_out_sums(
     S = gram_of_active(active, reduced.total_gram_matrices)
     positions = reduced.is_position
     totals = []
-    faces = any(part.is_plane_face for part in reduced.blocks)
+    faces = _has_plane_faces(reduced)
     first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
     whole = solve_active_unknowns(active, S, scales, rules.prior_uncertainty).variances(np.arange(first))
     for parts in held:
@@ -437,7 +449,8 @@ def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> Sel
     deviation = max(1, len(saved)) * mean_and_standard_error(saved)[1] / old
     gain = 1 - after.series[:, 1].sum() / before.series[:, 1].sum() if len(before.series) else 0.0
     blocks = 1 - new / old
-    if after.faces:  # one block may be all that shows a direction: its prediction is then uncertain
+    if _has_plane_faces(after.reduced_readings):
+        # One block may be all that shows a direction: its prediction is then uncertain.
         saved = (before.blocks[:, 3] - after.blocks[:, 3]) / count
         blocks, deviation = -math.expm1(-saved.sum()), max(1, len(saved)) * mean_and_standard_error(saved)[1]
     pays = (

@@ -21,6 +21,7 @@ from testbench.identify import hierarchy
 from testbench.identify.absolute.align import Noise, estimate_model_error
 from testbench.identify.absolute.state import (
     LEVEL_DEVIATION,
+    PERIODIC_ERROR_KINDS,
     ArmState,
     Mount,
     Unknowns,
@@ -70,8 +71,6 @@ DEFAULT_ERROR_SCALES: Mapping[str, float] = {
     "stiffening": 3e-5,
 }
 """Usual standard deviations of the unknowns of each kind [m, rad; rad per rad for the ratio]."""
-PERIODIC_ERROR_KINDS = ("harmonics", "pattern")
-"""Kinds of periodic joint errors, in bands of orders: of each joint, and of a pattern that joints share."""
 MAX_SCALE_FACTOR = 10.0
 """Largest prior deviation over the usual one [1]; a larger one would stand for errors the model lacks."""
 MAX_SCALE_FACTOR_UNDETERMINED = 2.0

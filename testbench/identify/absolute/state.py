@@ -657,6 +657,9 @@ def _relative_to_first(members: dict[int, tuple[float, int]]) -> ErrorPattern:
 
 # --- Unknowns of a calibration, and their columns in the linear equations -----------------------------------
 
+PERIODIC_ERROR_KINDS = ("harmonics", "pattern")
+"""Kinds of periodic joint errors, in bands of orders: of each joint, and of a pattern that joints share."""
+
 
 @dataclass(frozen=True)
 class Unknowns:
@@ -739,25 +742,20 @@ class Unknowns:
             ("geometry shift", geometry[:, :3].ravel()),
             ("geometry turn", geometry[:, 3:].ravel()),
         ]
-        first = self.first_columns["errors"]
-        of = first + np.arange(self.vjm.arm.n_joints * self.error_terms.n_coefficients).reshape(
-            self.vjm.arm.n_joints, self.error_terms.n_coefficients
-        )
+        joints = self.vjm.arm.n_joints
+        errors = np.arange(self.size)[self.columns("errors")].reshape(joints, self.error_terms.n_coefficients)
         kinds, bands = np.array(self.error_terms.coefficient_kinds), self.error_terms.coefficient_bands
-        alike = np.full(
-            len(of), self.shared_pattern is not None
-        )  # where the pattern is, and waves as large as it
-        alike[list(self.shared_pattern.joints[1:]) if self.shared_pattern else []] = False
-        for kind, of_kind in (("harmonics", ~alike), ("pattern", alike)):
+        # Joints with errors of high orders as large as the pattern: all but those with differences from it.
+        as_pattern = np.full(joints, self.shared_pattern is not None)
+        as_pattern[list(self.shared_pattern.joints[1:]) if self.shared_pattern else []] = False
+        for kind in PERIODIC_ERROR_KINDS:
             for band in np.unique(bands[bands >= 0]):
-                these = (
-                    of_kind
-                    if ORDER_BANDS[band] >= MIN_PATTERN_ORDER
-                    else np.full(len(of), kind == "harmonics")
-                )
-                if these.any():
-                    columns_by_kind.append((kind, of[these][:, bands == band].ravel()))
-        columns_by_kind += [(kind, of[:, kinds == kind].ravel()) for kind in dict.fromkeys(kinds[bands < 0])]
+                high = ORDER_BANDS[band] >= MIN_PATTERN_ORDER
+                rows = (as_pattern & high) == (kind == "pattern")
+                if rows.any():
+                    columns_by_kind.append((kind, errors[rows][:, bands == band].ravel()))
+        for kind in dict.fromkeys(kinds[bands < 0]):
+            columns_by_kind.append((kind, errors[:, kinds == kind].ravel()))
         return tuple(columns_by_kind)
 
     @cached_property
