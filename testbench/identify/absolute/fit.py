@@ -291,7 +291,7 @@ def linearise_readings(
 
     # Find moves in mid-series, and fit geometry and joint springs to each part.
     check_last_joint_sign(vjm, series, fit_series)
-    moves, series, (first, noise) = divide_at_moves(
+    moves, (series, (first, noise)) = divide_at_moves(
         series, fit_series, scale_by_prior(prior, vjm, all153(vjm.arm))
     )
     check_fitted_distances(first, series)

@@ -314,12 +314,13 @@ def find_load_issues(
     if gravity is not None and gravity.is_certain:
         return [mounting_issue(loads.vjm, gravity)]
     try:
-        start = fit_residual_model(loads)
+        model = fit_residual_model(loads)
     except BenchError:  # no compliance moves so: only other loads can
         return _refitted(mountings, loads) or _refitted(others, loads) or [_wild_reading(loads.data, factor)]
-    leave_out_worst = partial(_without_worst, loads, single_runs)
-    issues, kept, model = correct_one_by_one(loads.data, start, leave_out_worst)
-    loads = replace(loads, data=kept, residual_model=model)
+    fitted = replace(loads, residual_model=model)
+    issues, loads = correct_one_by_one(fitted, partial(_without_worst, single_runs))
+    assert loads.residual_model is not None
+    model = loads.residual_model
     best = _likeliest(loads, all_loads, single_runs)
     loads = replace(loads, suspected_gravity=gravity or _missing_weight(loads, best))
     # A wrong mounting, if it rivals the best other mistake; weights have no force offset.
@@ -355,30 +356,31 @@ def _sized_issues(loads: LoadedRuns, hypotheses: LoadHypotheses) -> Iterator[tup
                 yield issue, _gain(issue) > hypothesis.min_gain and correction.is_large(issue.size)
 
 
-def _without_worst(
-    loads: LoadedRuns, single_runs: LoadHypotheses, data: Dataset, fitted: ResidualModel
-) -> tuple[list[Issue], Dataset, ResidualModel] | None:
+def _without_worst(single_runs: LoadHypotheses, loads: LoadedRuns) -> tuple[list[Issue], LoadedRuns] | None:
     """Leave out the run that alone makes all others look noisy; None if no run does.
 
     The other runs determine noise and prior: with the wrong run among them, its mistake would hide in both.
     """
-    if fitted.misfit <= MAX_QUIET_MISFIT or data.n_runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
+    data, model = loads.data, loads.residual_model
+    assert model is not None
+    if model.misfit <= MAX_QUIET_MISFIT or data.n_runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
         return None
-    now = replace(loads, data=data, residual_model=fitted)
-    likeliest = max((issue for issue, _ in _sized_issues(now, single_runs)), key=_gain)
+    likeliest = max((issue for issue, _ in _sized_issues(loads, single_runs)), key=_gain)
     if _gain(likeliest) < MIN_TRIAL_GAIN:
         return None
     worst = likeliest.where[0]
-    kept = select_runs(data, data.run_id.astype(str) != worst)
+    others = replace(loads, data=select_runs(data, data.run_id.astype(str) != worst))
     try:
-        rest = fit_residual_model(replace(loads, data=kept))
+        rest = fit_residual_model(others)
     except BenchError:  # no compliance moves as the other runs do: it is not this run that is wrong
         return None
-    if rest.misfit > MAX_MISFIT_RATIO * fitted.misfit:
+    if rest.misfit > MAX_MISFIT_RATIO * model.misfit:
         return None
-    now = replace(now, residual_model=fit_residual_model(now, rest.hyperparameters))
-    issues = [issue for issue, large in _sized_issues(now, single_runs) if large and issue.where[0] == worst]
-    return ([max(issues, key=_gain)], kept, rest) if issues else None
+    # The mistakes of this run, by the noise and the prior of the others.
+    judged = replace(loads, residual_model=fit_residual_model(loads, rest.hyperparameters))
+    large = (issue for issue, is_large in _sized_issues(judged, single_runs) if is_large)
+    issues = [issue for issue in large if issue.where[0] == worst]
+    return ([max(issues, key=_gain)], replace(others, residual_model=rest)) if issues else None
 
 
 def _likeliest(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHypotheses) -> list[Issue]:

@@ -58,8 +58,6 @@ from testbench.model.vjm import (
 
 MAX_CORRECTION_ROUNDS = 5  #: Most rounds in which mistakes are corrected one after the other.
 Case = TypeVar("Case")
-Data = TypeVar("Data")
-Model = TypeVar("Model")
 ReadingKind = Literal["unloaded", "loaded", "all"]
 """Readings of an arm that are compared with its kinematics; "all" are those of absolute series."""
 
@@ -192,33 +190,29 @@ def score_test(g: Array, M: Array) -> ScoreTest:
 
 
 def correct_one_by_one(
-    data: Data,
-    model: Model,
-    correct_worst: Callable[[Data, Model], tuple[Sequence[Issue], Data, Model] | None],
-) -> tuple[list[Issue], Data, Model]:
+    case: Case, correct_worst: Callable[[Case], tuple[Sequence[Issue], Case] | None]
+) -> tuple[list[Issue], Case]:
     """Correct the worst mistake, fit again and look for the next one, up to MAX_CORRECTION_ROUNDS times.
 
     Args:
-        data: The readings.
-        model: Model fitted to them.
-        correct_worst: Function of data and model. It returns the worst mistakes, the data without them and
-            the model fitted to these; None when it finds no mistake. The search ends when it returns the
-            same data.
+        case: The readings, with the model fitted to them.
+        correct_worst: Function that returns the worst mistakes, and the case without them, fitted again; None
+            when it finds no mistake. The search ends when it returns the same case.
 
     Returns:
-        The mistakes in the order in which they were found, the data without them and the last model.
+        The mistakes in the order in which they were found, and the case without them.
     """
     issues: list[Issue] = []
     for _ in range(MAX_CORRECTION_ROUNDS):
-        step = correct_worst(data, model)
+        step = correct_worst(case)
         if step is None:
             break
-        before = data
-        more, data, model = step
+        more, corrected = step
         issues += more
-        if data is before:
+        if corrected is case:
             break
-    return issues, data, model
+        case = corrected
+    return issues, case
 
 
 # --- Readings and the arm's kinematics: the fit, and mistakes that explain the readings better --------------

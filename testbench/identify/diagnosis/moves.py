@@ -343,6 +343,8 @@ SeriesParts = tuple[Series, ...]
 """Series, divided where a target or the tracker moved."""
 FittedState = tuple[ArmState, Noise]
 """A fitted arm, and the noise of the readings about it."""
+FittedParts = tuple[SeriesParts, FittedState]
+"""Divided series, and their fit."""
 
 
 def candidate_rows(series: Series, min_poses: int) -> Ids:
@@ -402,7 +404,7 @@ def sort_by_time(series: Series) -> Series:
 
 def divide_at_moves(
     series: SeriesParts, fit_series: Callable[[SeriesParts], FittedState], compliance_prior: PriorScaling
-) -> tuple[list[Issue], SeriesParts, FittedState]:
+) -> tuple[list[Issue], FittedParts]:
     """Fit series, divide them where targets or tracker moved, and repeat until no more moves are found.
 
     Args:
@@ -411,25 +413,23 @@ def divide_at_moves(
         compliance_prior: Prior of all compliances of the arm.
 
     Returns:
-        Issues of moves and of series that no longer share a mount or frame; the divided series; and
+        Issues of moves and of series that no longer share a mount or frame; and the divided series with
         their fit.
 
     Raises:
         BenchError: When the first fit fails.
     """
 
-    def divide_at_clear_steps(
-        parts: SeriesParts, fitted: FittedState
-    ) -> tuple[list[Issue], SeriesParts, FittedState] | None:
+    def divide_at_clear_steps(fitted_parts: FittedParts) -> tuple[list[Issue], FittedParts] | None:
         """Divide series where the tracker or the targets clearly moved, and fit them again.
 
         Args:
-            parts: The series as divided so far.
-            fitted: The arm fitted to them, and their noise.
+            fitted_parts: The series as divided so far, and their fit.
 
         Returns:
             New issues, the divided series and their fit; None if nothing moved.
         """
+        parts, fitted = fitted_parts
         steps = [
             None if part.distance is not None else _clear_step(part, fitted, compliance_prior)
             for part in parts
@@ -439,11 +439,11 @@ def divide_at_moves(
             return None
         apart, shared = _divide(parts, steps)
         try:
-            return issues + shared, apart, fit_series(apart)
+            return issues + shared, (apart, fit_series(apart))
         except BenchError:
-            return [*issues, Issue("not_parted", tuple(step.where[0] for step in issues))], parts, fitted
+            return [*issues, Issue("not_parted", tuple(step.where[0] for step in issues))], fitted_parts
 
-    return correct_one_by_one(series, fit_series(series), divide_at_clear_steps)
+    return correct_one_by_one((series, fit_series(series)), divide_at_clear_steps)
 
 
 def _divide(parts: SeriesParts, steps: Sequence[Issue | None]) -> tuple[SeriesParts, list[Issue]]:
