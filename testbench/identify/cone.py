@@ -20,7 +20,6 @@ from testbench.errors import Array, Ids
 
 #: Feasibility and duality gap that Clarabel must reach, in units in which the data are of order one [1].
 SOLVER_TOLERANCE = 1e-10
-ROUNDED_GRADIENT = 1e-14  #: Share of a gradient that is rounding [1].
 MAX_RELATIVE_GAP = 1e-6  #: Duality gap over the cost up to which a program counts as solved [1].
 
 ConeKind = Literal["zero", "nonnegative", "second order", "psd"]
@@ -287,43 +286,6 @@ def svec_indices_by_order(orders: tuple[int, ...]) -> list[Ids]:
         np.array([np.arange(e - svec_length(n), e) for n, e in zip(orders, ends, strict=True) if n == size])
         for size in dict.fromkeys(orders)
     ]
-
-
-def non_negative_least_squares(A: Array, b: Array) -> Array:
-    """Minimise |A x - b| over x >= 0 by the active-set method of Lawson and Hanson (1974).
-
-    It is for a few unknowns, such as the joints of an arm: scipy.optimize takes longer to import.
-
-    Args:
-        A: Matrix, (rows, n).
-        b: Right-hand side, (rows,).
-
-    Returns:
-        x, (n,).
-    """
-    n = A.shape[1]
-    x = np.zeros(n)
-    free = np.zeros(n, dtype=bool)
-    least_gain = ROUNDED_GRADIENT * float(np.abs(A.T @ b).max(initial=0.0))
-    for _ in range(3 * n):
-        # Free the unknown that lowers the cost most; none is left at the optimum.
-        gain = np.where(free, -np.inf, A.T @ (b - A @ x))
-        if free.all() or gain.max() <= least_gain:
-            break
-        free[gain.argmax()] = True
-        # Move to the least squares of the free unknowns; those that would turn negative stop at zero.
-        while free.any():
-            best = np.zeros(n)
-            best[free] = np.linalg.lstsq(A[:, free], b)[0]
-            falling = free & (best <= 0)
-            if not falling.any():
-                x = best
-                break
-            share = x[falling] / (x[falling] - best[falling])
-            x += share.min() * (best - x)
-            free[np.flatnonzero(falling)[share.argmin()]] = False
-            x[~free] = 0.0
-    return x
 
 
 def nearest_psd(X: Array) -> Array:

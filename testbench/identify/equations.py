@@ -40,7 +40,6 @@ from testbench.identify.absolute.state import (
     compliance_unknowns,
     series_equilibrium,
 )
-from testbench.identify.cone import non_negative_least_squares
 from testbench.model.laws import vjm_for_structure
 from testbench.model.load import Load, sum_generalised_loads
 from testbench.model.structure import Structure
@@ -420,8 +419,9 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     y = data.measured_components(data.deflection)[seen].ravel()
     rough = PREDICTED_MOTION_ERROR * float(np.sqrt((y**2).mean())) or 1.0
     rows = np.vstack([read.T / rough, np.eye(len(D)) / COMPLIANCE_SCALE_DEVIATION])
-    expected = np.full(len(D), 1 / COMPLIANCE_SCALE_DEVIATION)
-    s = non_negative_least_squares(rows, np.concatenate([y / rough, expected]))
+    from scipy.optimize import nnls  # here: it takes long to import, and few readings are along lines
+
+    s, _ = nnls(rows, np.concatenate([y / rough, np.full(len(D), 1 / COMPLIANCE_SCALE_DEVIATION)]))
     return np.tensordot(s, D, axes=1), np.tensordot(s, W, axes=1)
 
 

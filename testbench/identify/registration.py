@@ -19,7 +19,6 @@ components. Beyond a threshold of its length, in standard deviations, the influe
 (Huber): its equations are multiplied by the root of the weight. The noise is estimated by Huber's proposal 2.
 """
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -246,10 +245,8 @@ def nearest_rotation(M: Array, *, mirrored: bool = False) -> Array:
 
 # --- Robust loss for pairs, frames and calibrations: weights of readings, and noise beyond the stated one ---
 
-NOISE_ROOT_TOLERANCE = 1e-12
-"""Relative change of the estimated variance at which Newton's method has its last digits [1]."""
-MAX_NOISE_STEPS = 100  #: Most steps; bisection alone takes 50.
-MAX_NOISE_RATIO = 10.0  #: Largest estimate of the noise, over the largest residual [1].
+NOISE_ROOT_TOLERANCE = 2.0**-60
+"""Error of the estimated noise, over ten times the largest residual [1]."""
 
 
 @dataclass(frozen=True)
@@ -286,30 +283,20 @@ class HuberLoss:
         Returns:
             Standard deviation S along every axis [m, rad]; 0 if the stated variances explain the residuals.
         """
-        squares = np.square(residual)
-        low, high = 0.0, (MAX_NOISE_RATIO**2) * float(squares.max(initial=0.0))
-        if not len(residual) or self._excess(squares, variance, dof_ratio)[0] <= 0:
-            return 0.0
-        # Newton's method for S^2, with bisection where its step leaves the interval of the root.
-        square = float(squares.mean())
-        for _ in range(MAX_NOISE_STEPS):
-            before = square
-            value, slope = self._excess(squares, variance + square, dof_ratio)
-            low, high = (square, high) if value > 0 else (low, square)
-            step = -value / slope if slope else math.inf
-            square = square + step if low < square + step < high else (low + high) / 2
-            if abs(square - before) <= NOISE_ROOT_TOLERANCE * square:
-                break
-        return math.sqrt(square)
+        from scipy.optimize import brentq  # here: it takes long to import, and few runs need it
 
-    def _excess(self, squares: Array, variance: Array, dof_ratio: float) -> tuple[float, float]:
-        """Compute by how much residuals exceed what noise of these variances gives, and its slope by them."""
-        ratios = squares / variance
-        length = ratios.sum(axis=1)
-        limit = self.threshold**2
-        value = np.minimum(length, limit).mean() - self.normal_mean_square * dof_ratio
-        slope = -(ratios / variance).sum(axis=1)[length < limit].sum() / len(length)
-        return float(value), float(slope)
+        squares = np.square(residual)
+
+        def excess(s: float) -> float:
+            length = (squares / (variance + s**2)).sum(axis=1)
+            return float(np.minimum(length, self.threshold**2).mean()) - self.normal_mean_square * dof_ratio
+
+        high = 10 * float(np.sqrt(squares.max(initial=0.0)))
+        if not len(residual) or excess(0.0) <= 0:
+            return 0.0
+        return (
+            high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=NOISE_ROOT_TOLERANCE * high))
+        )
 
 
 PAIR_LOSS = HuberLoss(1.628, 1.928)

@@ -29,7 +29,7 @@ from scipy.special import stdtrit
 
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify import cone, interior
+from testbench.identify import interior
 from testbench.identify.conic import trace_units
 from testbench.identify.estimate import TracePenalty
 from testbench.identify.interior import TINY
@@ -391,12 +391,14 @@ def _fit_joints_only(s: Structure, gram: Array) -> Array:
     H = gram[:-1, :-1]
     g = gram[:-1, -1]
     if len(joints):
+        from scipy.optimize import nnls  # here: it takes long to import, and few commands learn a weight
+
         unit = 1 / np.sqrt(np.diag(H)[joints])
         values, Q = np.linalg.eigh(H[np.ix_(joints, joints)] * np.outer(unit, unit))
         kept = values > GRAM_RANK_TOLERANCE * values[-1]
         root = np.sqrt(values[kept])[:, None] * Q[:, kept].T
         aim = Q[:, kept].T @ (unit * g[joints]) / np.sqrt(values[kept])
-        pi[joints] = unit * cone.non_negative_least_squares(root, aim)
+        pi[joints] = unit * nnls(root, aim)[0]
     return pi
 
 

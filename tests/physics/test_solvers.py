@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from agreement import APART, OFF, WORSE, compared, least_squares_off
 from programs import NASTY, random_prior, random_regression
-from scipy.optimize import nnls
 
 from testbench import BenchError, Scenario, build_cell, deflections, simulate
 from testbench.data.dataset import select_rows
@@ -41,23 +40,6 @@ STRENGTHS = (1e-6, 0.01, 0.3, 2.0, 30.0, 1e3)
 @pytest.fixture(scope="module")
 def campaign(kr500):
     return simulate(kr500, Scenario(arm=kr500.arm.name, workspace_poses=1), 11)
-
-
-@pytest.mark.parametrize("kind", ["any", "positive", "twins"])
-@pytest.mark.parametrize("shape", [(3, 6), (6, 6), (30, 7), (12, 1)])
-def test_non_negative_least_squares_are_those_of_scipy(shape, kind, rng):
-    """With fewer rows than unknowns, and with two equal columns, x is not unique: the cost is."""
-    for _ in range(50):
-        A, b = rng.standard_normal(shape), rng.standard_normal(shape[0])
-        A = np.abs(A) if kind == "positive" else A
-        if kind == "twins":
-            A[:, -1] = A[:, 0]
-        x, (theirs, cost) = cone.non_negative_least_squares(A, b), nnls(A, b)
-        assert (x >= 0).all()
-        assert np.linalg.norm(A @ x - b) == pytest.approx(cost, rel=1e-9, abs=1e-9)
-        if shape[0] >= shape[1] and kind != "twins":
-            np.testing.assert_array_equal(x > 0, theirs > 0)
-            np.testing.assert_allclose(x, theirs, rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["kind", *NASTY])
