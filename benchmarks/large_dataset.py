@@ -52,7 +52,7 @@ def model() -> tuple[Vjm, Structure]:
 def synthetic(vjm: Vjm, structure: Structure, runs: int, seed: int = 3) -> Dataset:
     """Three markers under 20 to 100 % of the payload: deflection = A @ truth + noise."""
     rng = np.random.default_rng(seed)
-    truth = structure.entries(vjm.arm.C_theta)
+    truth = structure.parameters_of(vjm.arm.C_theta)
     lower, upper = vjm.arm.limits
     q = lower + (upper - lower) * rng.random((runs, vjm.arm.n_joints))
     wrench, point = hung(vjm, runs)

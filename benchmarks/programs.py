@@ -43,7 +43,7 @@ def random_regression(kind: str, rng: np.random.Generator) -> Regression:
     for block in structure.blocks:
         V = rng.standard_normal((rng.integers(1, len(block) + 1), len(block)))
         C[np.ix_(block, block)] = V.T @ V / len(block)
-    pi, n = structure.entries(C), structure.n_parameters
+    pi, n = structure.parameters_of(C), structure.n_parameters
     rows = n + 2 + int(rng.integers(n + 1))
     if kind == "fewer rows than unknowns":
         rows = max(2, n // 2)

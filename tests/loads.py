@@ -48,7 +48,8 @@ def axis_loads(cell, rng, *, noise=1.0, poses=18):
     """Section 5.2: six axis loads a pose, full pose read; linear truth by the model itself."""
     q = np.repeat(rng.uniform(*cell.arm.limits, (poses, cell.arm.n_joints)), 6, axis=0)
     runs, targets, s = len(q), cell.vjm.markers, all153(cell.arm)
-    wrench, point, C = np.tile(1000 * np.eye(6), (poses, 1)), np.zeros((runs, 3)), s.entries(cell.arm.C_theta)
+    wrench, point = np.tile(1000 * np.eye(6), (poses, 1)), np.zeros((runs, 3))
+    C = s.parameters_of(cell.arm.C_theta)
     args = (evaluate_chain(cell.vjm, q), s, wrench, point)
     before, after = noise * SIGMA * rng.standard_normal((2, runs, len(targets), 3))
     turned, again = noise * SIGMA_ROTATION * rng.standard_normal((2, runs, 3))

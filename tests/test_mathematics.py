@@ -11,7 +11,7 @@ import pytest
 
 from testbench.identify.regression import generic_observation_matrix, rank
 from testbench.model import structure as structures
-from testbench.model.load import first_order_deflection, secant_theta, weight
+from testbench.model.load import first_order_deflection, one_step_theta, weight
 from testbench.model.vjm import evaluate_chain, observation_matrix
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -105,6 +105,8 @@ def test_the_worked_example_sinks_by_what_the_page_says(kr500):
     q, load = np.radians([[0.0, -60, 80, 0, 40, 0]]), weight(kr500.vjm, 460.3).for_poses(1)
     where = evaluate_chain(kr500.vjm, q)
     sunk = -1e3 * first_order_deflection(
-        where, secant_theta(where, kr500.arm.C_theta, load.wrench, load.point), kr500.vjm.markers
+        where,
+        one_step_theta(where, kr500.arm.C_theta, load.wrench, load.point),
+        kr500.vjm.markers,
     )
     assert re.search(r"marker 1 sinks by ([\d.]+) mm", PAGES["vjm"])[1] == f"{sunk[0, 0, 2]:.3f}"

@@ -165,9 +165,9 @@ def _papers_own_data(cell: Cell, asked: SingleLinkSettings, truth: Dataset) -> R
     best, regression = paper_gco(cell.vjm, structure, data), reduce(cell.vjm, structure, data)
     rounded = _rounded(ours)
     values = np.linalg.eigvalsh(rounded)
-    costs = [f_m(regression, structure.entries(C)) for C in rounded[:ROUNDED_COSTS]]
+    costs = [f_m(regression, structure.parameters_of(C)) for C in rounded[:ROUNDED_COSTS]]
     return Row(
-        printed_f_m=f_m(regression, structure.entries(ours)),
+        printed_f_m=f_m(regression, structure.parameters_of(ours)),
         printed_f_m_within_rounding=[min(costs), max(costs)],
         eigenvalues_within_rounding=np.stack([values.min(axis=0), values.max(axis=0)], axis=1).tolist(),
         rank_within_rounding=int((values.min(axis=0) > 0).sum()),

@@ -185,7 +185,7 @@ COMPENSATOR_RANGES = {
 }
 """Least and largest value of each quantity of a compensator [m, N/m]."""
 
-Origin = Literal["published", "inferred", "assumed", "estimated"]
+NumberOrigin = Literal["published", "inferred", "assumed", "estimated"]
 """Origin of a number in elastic.toml."""
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -197,7 +197,7 @@ class Quantity(StrictModel, Generic[Value, Unit]):
     """Hold a number of elastic.toml with its unit, its origin and a note."""
 
     value: Value  #: The number, or a nested list of numbers.
-    origin: Origin  #: Where the number comes from.
+    origin: NumberOrigin  #: Where the number comes from.
     note: str = ""  #: Remark for people.
     unit: Unit  #: Unit of the number, as text.
 

@@ -260,7 +260,7 @@ def default_trace_bounds(regression: Regression, pi: Array) -> Array:
     sensitivity = regression.diagonal_sensitivity[used] * unit
     sensitivity[sensitivity == 0] = UNOBSERVED_SENSITIVITY * (sensitivity.max() or 1.0)
     allowed = 2 * f_m(regression, np.zeros(s.n_parameters)) / sensitivity
-    doubled = 2 * np.diag(s.matrix(pi))[used] / unit
+    doubled = 2 * np.diag(s.C_theta_of(pi))[used] / unit
     return np.maximum(*(np.bincount(s.block_of_row[used], weights=trace) for trace in (allowed, doubled)))
 
 
@@ -560,10 +560,10 @@ def clip_negative_eigenvalues(structure: Structure, parameters: Array) -> Array:
     Returns:
         Parameters of the nearest blocks in the same units, (n,).
     """
-    X = structure.matrix(parameters)
+    X = structure.C_theta_of(parameters)
     for group in structure.block_groups:
         X[group.index_arrays] = cone.nearest_psd(X[group.index_arrays])
-    return structure.entries(X)
+    return structure.parameters_of(X)
 
 
 @lru_cache(maxsize=64)

@@ -283,7 +283,7 @@ def make_estimate(
         known = ", ".join(get_args(Constraint))
         raise BenchError(f"constraint: expected one of {known}, got {constraint!r}")
     pi = check_array(pi, (regression.structure.n_parameters,), "pi [m/N, rad/(N m), rad/N]")
-    C, cost = regression.structure.matrix(pi), f_m(regression, pi)
+    C, cost = regression.structure.C_theta_of(pi), f_m(regression, pi)
     return Estimate(
         method=method,
         regression=regression,

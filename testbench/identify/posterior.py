@@ -25,7 +25,12 @@ from testbench.identify.estimate import Estimate, ModelAverage, sensitivity_unit
 from testbench.identify.prior import WeightedPrior, prior_rows
 from testbench.identify.regression import RANK_TOLERANCE, embed_parameters
 from testbench.model.laws import set_load_history, vjm_for_structure
-from testbench.model.load import BodyMasses, first_order_deflection, nonlinear_deflection, secant_theta
+from testbench.model.load import (
+    BodyMasses,
+    first_order_deflection,
+    nonlinear_deflection,
+    one_step_theta,
+)
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, observation_matrix
 
@@ -261,8 +266,8 @@ def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
         Deflection of every marker after the step minus its linear deflection, base axes, (runs, m, 3) [m].
     """
     points, where = marker_positions(vjm, data.markers), evaluate_chain(vjm, data.q)
-    theta = secant_theta(where, C_theta, data.wrench, data.point)
-    again = secant_theta(evaluate_chain(vjm, data.q, theta), C_theta, data.wrench, data.point)
+    theta = one_step_theta(where, C_theta, data.wrench, data.point)
+    again = one_step_theta(evaluate_chain(vjm, data.q, theta), C_theta, data.wrench, data.point)
     return nonlinear_deflection(vjm, data.q, again, points) - first_order_deflection(where, theta, points)
 
 

@@ -328,8 +328,8 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
         np.where(row == column, 1.0, 0.0),
     )
     for group in structure.block_groups:
-        parameters = structure.parameter_of_entry[group.triangle_entries]
-        L[parameters[:, :, None], group.triangle_entries[:, None, :]] = _congruences(root[group.index_arrays])
+        parameters = structure.parameter_of_entry[group.triangle_indices]
+        L[parameters[:, :, None], group.triangle_indices[:, None, :]] = _congruences(root[group.index_arrays])
     return PriorScaling(prior.name, structure, L, expected, sizes)
 
 

@@ -230,7 +230,7 @@ def trace_penalty(vjm: Vjm, structure: Structure, weight: float) -> TracePenalty
         rows = np.arange(6 * j, 6 * j + 3) + (0 if vjm.arm.joints[j].prismatic else 3)
         C = np.zeros((structure.n_theta,) * 2)
         C[np.ix_(rows, rows)] = np.outer(vjm.joint_axes_in_beam_frame[j], vjm.joint_axes_in_beam_frame[j])
-        columns.append(structure.entries(C))
+        columns.append(structure.parameters_of(C))
     whole = replace(
         structure,
         rows=np.r_[structure.rows, aggregated].astype(int),

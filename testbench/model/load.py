@@ -431,10 +431,10 @@ def _solve_springs(C_theta: Array, K_w: Array, right: Array) -> Array:
         raise NoEquilibrium("K_theta - K_w is singular: the arm buckles under this load") from None
 
 
-def secant_theta(
+def one_step_theta(
     chain: ChainState, C_theta: Array, wrench: Array, point: Array, K_w: Array | None = None
 ) -> Array:
-    """Compute virtual joint coordinates from the stiffness at theta = 0 for the whole load, Eq. (5) to (7).
+    """Compute virtual joint coordinates by one Newton step from theta = 0, Eq. (5) to (7).
 
     Without K_w, theta = C_theta J^T w, Eq. (6). With it, theta = (I - C_theta K_w)^-1 C_theta J^T w, Eq. (7).
 

@@ -45,7 +45,7 @@ class BlockGroup:
     block_indices: Ids  #: Indices of the blocks in `Structure.blocks`, (k,).
     theta_rows: Ids  #: Rows of C_theta of each block, (k, size).
     #: Indices of their upper triangles in `Structure.upper_triangles`, (k, size (size + 1) / 2).
-    triangle_entries: Ids
+    triangle_indices: Ids
 
     @cached_property
     def index_arrays(self) -> tuple[Ids, Ids]:
@@ -218,7 +218,7 @@ class Structure(Displayed):
         pairs = zip(self.rows.tolist(), self.columns.tolist(), strict=True)
         return np.array([place.get(pair, -1) for pair in pairs], dtype=int)
 
-    def matrix(self, pi: Array) -> Array:
+    def C_theta_of(self, pi: Array) -> Array:
         """Build C_theta from its parameters pi, Eq. (11).
 
         Args:
@@ -237,7 +237,7 @@ class Structure(Displayed):
         C[self.rows, self.columns] = pi
         return C
 
-    def entries(self, C_theta: Array) -> Array:
+    def parameters_of(self, C_theta: Array) -> Array:
         """Read the parameters pi from C_theta; entries outside the structure are dropped.
 
         Args:
@@ -263,7 +263,7 @@ class Structure(Displayed):
         Returns:
             S, (n_theta, n_theta).
         """
-        return self.matrix(np.where(self.fills_two_entries, gradient / 2, gradient))
+        return self.C_theta_of(np.where(self.fills_two_entries, gradient / 2, gradient))
 
     def select_parameters(self, indices: Ids, name: str) -> "Structure":
         """Keep some parameters; the dropped ones become zero.

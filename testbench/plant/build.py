@@ -200,7 +200,7 @@ class ModelCopies:
     model: mujoco.MjModel  #: Model of one arm.
 
     @cached_property
-    def compiled(self) -> mujoco.MjModel:
+    def model_with_copies(self) -> mujoco.MjModel:
         """Compile the MuJoCo model with `ARMS_PER_MODEL` copies of the arm, without geoms and springs."""
         return _copies_in_one_model(self.model, ARMS_PER_MODEL)
 
@@ -210,7 +210,7 @@ class Plant:
     """Hold the true arm: a MuJoCo model with virtual joints on springs, and its disturbances.
 
     All its joints are slides and hinges, so that one index serves qpos and qvel. To change the MuJoCo model,
-    replace `model` with an altered copy of it; `model_of_copies` takes over gravity and poses of bodies.
+    replace `model` with an altered copy of it; `model_with_copies` takes over gravity and poses of bodies.
     """
 
     arm: Arm  #: Description of the arm.
@@ -234,9 +234,9 @@ class Plant:
     spring_effects: SpringEffects | None = None  #: Elastic behaviour beyond constant matrices; None for none.
 
     @cached_property
-    def model_of_copies(self) -> mujoco.MjModel:
+    def model_with_copies(self) -> mujoco.MjModel:
         """Return the MuJoCo model with several copies of the arm, with gravity and body poses of `model`."""
-        compiled = self.copies.compiled
+        compiled = self.copies.model_with_copies
         if self.model is self.copies.model:
             return compiled
         altered = copy.copy(compiled)

@@ -79,7 +79,7 @@ class ArmCopies:
 
 def create_arm_copies(plant: Plant) -> ArmCopies:
     """Create a MuJoCo state of several copies of the arm, and views of it per copy."""
-    model = plant.model_of_copies
+    model = plant.model_with_copies
     data = mujoco.MjData(model)
     nv = plant.model.nv
     bodies = plant.model.nbody - 1

@@ -407,7 +407,7 @@ def _answered(row: EntryRow, own: BenchProblem, entry: EstimatorSource, prior: P
     return replace(
         row,
         workspace=error_row(score(moved, own.true)),
-        conservative=is_conservative(own.structure, own.structure.matrix(pi)),
+        conservative=is_conservative(own.structure, own.structure.C_theta_of(pi)),
         cover=None if half is None else covers(moved, half, own.true),
         cpu_seconds=answer.cpu_seconds,
     )

@@ -435,7 +435,7 @@ def _known(cell: Cell, prior: Prior) -> list[CorrectionModel]:
 def _certain_model(state: ArmState, name: str) -> ArmModel:
     """Make an arm model without uncertainty from all its compliances."""
     structure = all153(state.vjm.arm)
-    pi = structure.entries(state.C_theta)
+    pi = structure.parameters_of(state.C_theta)
     return model_of_compliances(
         state,
         structure,

@@ -237,7 +237,7 @@ def clipped(vjm: Vjm, structure: Structure, data: Dataset) -> Estimate:
     C = plain.C_theta.copy()
     for block in structure.blocks:
         C[np.ix_(block, block)] = nearest_psd(C[np.ix_(block, block)])
-    pi, regression = structure.entries(C), plain.regression
+    pi, regression = structure.parameters_of(C), plain.regression
     return replace(
         make_estimate(regression, pi, method="clipped least squares", constraint="clipped"), status="solved"
     )

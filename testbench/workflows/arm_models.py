@@ -311,7 +311,7 @@ def _state(document: Document, vjm: Vjm, structure: Structure) -> ArmState:
             check_array(document.weights.centre_m, (bodies, 3), "centre [m]"),
         ),
         theta_0=check_array(document.theta_0, (structure.n_theta,), "theta_0 [m, rad]"),
-        C_theta=structure.matrix(np.array([entry.value for entry in document.structure.entries])),
+        C_theta=structure.C_theta_of(np.array([entry.value for entry in document.structure.entries])),
         error_terms=errors,
         error_coefficients=check_array(coefficients, (joints, errors.n_coefficients), "errors"),
         torque_scale=check_array(said.torque_scale, (joints,), "torque_scale [N m, N]"),
@@ -438,7 +438,7 @@ def _origin_document(origin: ModelOrigin) -> dict[str, object]:
 
 
 def _structure_document(structure: Structure, C_theta: Array) -> dict[str, object]:
-    values = structure.entries(C_theta).tolist()
+    values = structure.parameters_of(C_theta).tolist()
     entries = [
         {"row": structure.row_labels[a], "column": structure.row_labels[b], "value": value}
         for a, b, value in zip(structure.rows, structure.columns, values, strict=True)

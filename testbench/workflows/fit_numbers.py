@@ -234,7 +234,7 @@ def joint_stiffness(vjm: Vjm, estimate: Estimate, prior: Prior, uncertainty: flo
         estimate.compliance_regression.structure,
         NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * uncertainty,
     )
-    assumed = plain.entries(aggregate_left_out_joints(prior.C_theta, vjm, plain))
+    assumed = plain.parameters_of(aggregate_left_out_joints(prior.C_theta, vjm, plain))
     L = scale_any_structure(prior, vjm, plain).L
     known = posterior_of_estimate(estimate)
     rows = []

@@ -400,10 +400,10 @@ def parameters_of(structure: Structure, found: Array) -> Array:
     scale = unit_diagonal_scale(found)
     if np.abs((found - found.T) / np.outer(scale, scale)).max() > SYMMETRY_TOLERANCE:
         raise BenchError("not symmetric: expected compliances that are their own transpose")
-    rest = np.argwhere((found != 0) & (structure.matrix(np.ones(structure.n_parameters)) == 0))
+    rest = np.argwhere((found != 0) & (structure.C_theta_of(np.ones(structure.n_parameters)) == 0))
     if len(rest):
         a, b = rest[0]
         raise BenchError(
             f"expected 0 between {structure.row_labels[a]} and {structure.row_labels[b]}: no unknown there"
         )
-    return structure.entries(found)
+    return structure.parameters_of(found)

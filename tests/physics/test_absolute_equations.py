@@ -349,8 +349,8 @@ def test_compliances_are_shown_under_their_names_and_in_the_units_of_their_axes(
     own = SimpleNamespace(
         unknowns=unknowns, columns=np.arange(unknowns.size), n_rigid=rigid, compliance_prior=0
     )
-    C = structure.matrix(rng.normal(size=structure.n_parameters))
-    x, shown = np.r_[np.zeros(rigid), structure.entries(C)], {}
+    C = structure.C_theta_of(rng.normal(size=structure.n_parameters))
+    x, shown = np.r_[np.zeros(rigid), structure.parameters_of(C)], {}
     for group in functionals(own):
         rows = zip(group.names, group.scale * (group.of @ x), group.units, strict=True)
         shown |= {(group.part, name): (value, unit) for name, value, unit in rows}

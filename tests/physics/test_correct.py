@@ -114,7 +114,7 @@ def test_out_of_reach_is_not_called_solved(kr500, state):
 @pytest.fixture(scope="module")
 def sure(kr500, state):
     """The arm, known without a doubt."""
-    pi = all153(kr500.arm).entries(state.C_theta)
+    pi = all153(kr500.arm).parameters_of(state.C_theta)
     return model_of_compliances(
         state, all153(kr500.arm), normal(pi, np.zeros((1, 153))), ModelOrigin("known")
     )
@@ -157,7 +157,7 @@ FEW = 12
 
 def sure_of(structure, state, unseen=None):
     """A belief of 1 % in every entry, and rows that nothing has seen."""
-    pi = structure.entries(state.C_theta)
+    pi = structure.parameters_of(state.C_theta)
     rows = np.zeros((0, structure.n_parameters)) if unseen is None else unseen
     return Posterior(pi, np.diag(0.01 * np.abs(pi)), rows, np.abs(pi) + 1e-30)
 
@@ -243,7 +243,7 @@ def test_the_ellipsoid_is_the_tangent_of_the_equilibrium_as_sure_as_under_its_fo
 def test_what_nothing_has_seen_is_infinite_and_nothing_else(kr500, model, poses):
     """The first joint was not seen: a load along its axis, at a bent arm too, needs it not."""
     structure = model.structure
-    first = np.eye(structure.n_parameters)[[structure.entries(np.diag(np.arange(48) == 42)).argmax()]]
+    first = np.eye(structure.n_parameters)[[structure.parameters_of(np.diag(np.arange(48) == 42)).argmax()]]
     blind = replace(model, posterior=sure_of(structure, model.state, first))
     forces = np.array([0, 0, -4500.0, 0, 0, 0]), np.array([0, 4500.0, 0, 0, 0, 0])
     down, aside = (predict(blind, poses, [Load(force, model.vjm.load_point)]) for force in forces)

@@ -106,7 +106,7 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
         mount = moved_mount(state.mount(one), x[unknowns.columns(f"mount {one.mount}")])
         theta_0 = state.theta_0.copy()
         theta_0[unknowns.geometry_slice] += x[unknowns.columns("geometry")]
-        C = unknowns.structure.matrix(x[unknowns.columns("elastic")])
+        C = unknowns.structure.C_theta_of(x[unknowns.columns("elastic")])
         moved = replace(
             state, theta_0=theta_0, C_theta=C, frames={one.frame: frame}, mounts={one.mount: mount}
         )

@@ -141,7 +141,7 @@ def test_sound_joints_play_and_stiffen_as_if_they_turned(sets):
     own = sets["levels"]
     vjm, data, s = own.cell.vjm, own.data, all153(own.cell.arm)
     C = own.cell.arm.C_theta
-    found = backlash_and_stiffening_columns(vjm, data, s, s.entries(C)).reshape(
+    found = backlash_and_stiffening_columns(vjm, data, s, s.parameters_of(C)).reshape(
         data.n_runs, len(data.markers), 3, -1, 2
     )
     turn = (C @ generalised_load(evaluate_chain(vjm, data.q), data.wrench, data.point))[-len(data.q[0]) :].T

@@ -53,10 +53,10 @@ def test_of_section_5_2_the_nearest_conservative_model_of_equal_fit_is_found(arm
     start, found = plain.pi / unit, filled.pi / unit
     x, correction = start.copy(), np.zeros_like(start)
     for _ in range(500):
-        X = s.matrix((x + correction) / root_2)
+        X = s.C_theta_of((x + correction) / root_2)
         for block in s.blocks:
             X[np.ix_(block, block)] = nearest_psd(X[np.ix_(block, block)])
-        y = s.entries(X) * root_2
+        y = s.parameters_of(X) * root_2
         correction += x - y
         x = y - seen.T @ (seen @ (y - start))
     distance = np.linalg.norm(found - start)
@@ -84,7 +84,7 @@ def deflected(cell, structure, pi):
     """The runs of a campaign with the readings that these parameters make."""
     runs = calibrate(cell, Scenario(arm="kr500_l480", truth="linear", workspace_poses=1), 1).identification
     estimate = least_squares(cell.vjm, structure, runs)
-    made = replace(estimate, pi=pi, C_theta=structure.matrix(pi))
+    made = replace(estimate, pi=pi, C_theta=structure.C_theta_of(pi))
     return replace(with_zero_readings(runs), after=deflections(cell.vjm, made, runs))
 
 
@@ -186,7 +186,7 @@ def test_parameters_are_gramians_of_at_most_rank_m_and_cost_what_f_m_says(arm_6r
     np.testing.assert_allclose(factorised.costs(problem, population), each, rtol=1e-12)
     np.testing.assert_allclose(by_parameters, each, rtol=1e-12)
     s = problem.regression.structure
-    C = s.matrix(factorised.parameters(problem, factorised.random_start(problem, rng)))
+    C = s.C_theta_of(factorised.parameters(problem, factorised.random_start(problem, rng)))
     for block in s.blocks:
         part = C[np.ix_(block, block)]
         unit = np.sqrt(np.diag(part))

@@ -122,7 +122,7 @@ def test_wrong_shapes_say_what_was_expected(kr500):
         r"K_w .*\(2, 48, 48\), got \(48, 48\)": lambda: loaded.loaded_compliance(J, arm.C_theta, K_w[0]),
         r"targets .*\(any, 3\), got \(3,\)": lambda: loaded.nonlinear_deflection(vjm, q, theta, np.zeros(3)),
         r"targets .*got \(1, 2\)": lambda: loaded.first_order_deflection(where, theta, np.zeros((1, 2))),
-        r"K_w .*got \(1, 48, 48\)": lambda: loaded.secant_theta(where, arm.C_theta, wrench, point, K_w[:1]),
+        r"K_w .*got \(1, 48, 48\)": lambda: loaded.one_step_theta(where, arm.C_theta, wrench, point, K_w[:1]),
     }.items():
         with pytest.raises(BenchError, match=text):
             call()

@@ -153,7 +153,9 @@ def infinite(vjm, structure, data):
 
 def of_folder(vjm, structure, data):
     """Takes what the folder says, which is the true arm where links are tubes."""
-    return make_estimate(reduce(vjm, structure, data), structure.entries(vjm.arm.C_theta), method="mine")
+    return make_estimate(
+        reduce(vjm, structure, data), structure.parameters_of(vjm.arm.C_theta), method="mine"
+    )
 
 
 def test_an_estimator_of_ones_own_is_named_as_such_checked_and_runs_as_it_is(kr500, campaign, prior):

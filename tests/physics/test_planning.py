@@ -217,7 +217,7 @@ def draw(own, uncertainty, rng):
         X = np.reshape(wishart(freedom, np.eye(n) / freedom).rvs(random_state=rng), (n, n))
         column, row = np.tril_indices(n)
         parts.append(X[row, column] * np.where(row == column, 1, np.sqrt(2)))
-    return own.structure.matrix(own.L @ np.concatenate(parts))
+    return own.structure.C_theta_of(own.L @ np.concatenate(parts))
 
 
 def with_compliance(plant, C_theta):
@@ -334,7 +334,7 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
         n = union.state.error_coefficients + way[unknowns.columns("errors")].reshape(
             union.state.error_coefficients.shape
         )
-        C = union.state.C_theta + unknowns.structure.matrix(way[unknowns.columns("elastic")])
+        C = union.state.C_theta + unknowns.structure.C_theta_of(way[unknowns.columns("elastic")])
         state = replace(
             union.state, theta_0=theta_0, error_coefficients=n, C_theta=C, frames=frames, mounts=mounts
         )

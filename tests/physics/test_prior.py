@@ -59,7 +59,7 @@ from testbench.identify.trace import (
     keep_first_unless_beaten,
 )
 from testbench.model.laws import add_coupling_parameters, add_law_parameters, remove_coupling_parameters
-from testbench.model.load import first_order_deflection, nonlinear_deflection, secant_theta
+from testbench.model.load import first_order_deflection, nonlinear_deflection, one_step_theta
 from testbench.model.structure import Structure, all153, joints_only, mgco47, mgco68, mgco147, template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.studies import intervals as shrinkage
@@ -375,7 +375,9 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     theta = at_rest(kr500, C, data.q, data.wrench, data.point)
     exact = nonlinear_deflection(kr500.vjm, data.q, theta, kr500.vjm.markers)
     where = evaluate_chain(kr500.vjm, data.q)
-    linear = first_order_deflection(where, secant_theta(where, C, data.wrench, data.point), kr500.vjm.markers)
+    linear = first_order_deflection(
+        where, one_step_theta(where, C, data.wrench, data.point), kr500.vjm.markers
+    )
     np.testing.assert_allclose(whole, exact - linear, rtol=0, atol=0.1 * np.abs(whole).max())
     method = with_prior(gco, cad_prior(kr500.arm))
     estimate = method(kr500.vjm, template56(kr500.arm), campaign.identification)
@@ -545,7 +547,7 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
 ):
     """Two known estimates, one three times as probable as the other once the odds are counted."""
     r = reduce(kr500.vjm, joints_only(kr500.arm), campaign.identification)
-    size = np.abs(joints_only(kr500.arm).entries(kr500.arm.C_theta))
+    size = np.abs(joints_only(kr500.arm).parameters_of(kr500.arm.C_theta))
     both = [make_estimate(r, factor * size, method="known", constraint="psd") for factor in (1.0, 2.0)]
     both = [
         replace(

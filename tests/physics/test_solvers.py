@@ -194,7 +194,7 @@ def by_hand(regression, pi):
 
 def traces(structure, pi):
     """Of every block in scaled units."""
-    diagonal = np.diag(structure.matrix(pi)) / trace_units(structure) ** 2
+    diagonal = np.diag(structure.C_theta_of(pi)) / trace_units(structure) ** 2
     return np.array([diagonal[block].sum() for block in structure.blocks])
 
 
@@ -291,7 +291,7 @@ def test_true_arms_of_every_kind_lie_within_the_default_bounds(kr500, name):
     cell, s = true_cell(kr500, name, 5), all153(kr500.arm)
     regression = reduce(cell.vjm, s, gravity(cell, 1))
     bounds = default_trace_bounds(regression, np.zeros(s.n_parameters))
-    assert (traces(s, s.entries(cell.plant.arm.C_theta)) <= bounds).all()
+    assert (traces(s, s.parameters_of(cell.plant.arm.C_theta)) <= bounds).all()
 
 
 @pytest.mark.parametrize("shown", [1.0, 1e-3, 1e-11])

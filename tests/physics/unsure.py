@@ -28,7 +28,7 @@ def unsure(cell):
     """Compliances that are unsure by a tenth, no two of one link alike."""
     structure = all153(cell.arm)
     state = elastic_state(cell.vjm, cell.arm.C_theta, read_body_masses(cell.arm))
-    pi = structure.entries(state.C_theta)
+    pi = structure.parameters_of(state.C_theta)
     d = np.sqrt(np.diag(state.C_theta))
     root = np.diag(0.1 * d[structure.rows] * d[structure.columns])
     root[1:, :-1] += 0.5 * np.diag(np.diag(root)[1:])
@@ -68,5 +68,5 @@ def state_of(model, x):
     theta = model.state.theta_0.copy()
     theta[unknowns.geometry_slice] = x[unknowns.columns("geometry")]
     n = x[unknowns.columns("errors")].reshape(model.state.error_coefficients.shape)
-    C = model.structure.matrix(x[unknowns.columns("elastic")])
+    C = model.structure.C_theta_of(x[unknowns.columns("elastic")])
     return replace(model.state, theta_0=theta, C_theta=C, error_coefficients=n)

@@ -208,7 +208,9 @@ def test_a_joint_yields_with_the_link_before_it_about_an_axis_of_any_direction(s
         place = 6 * k + (0 if joint.prismatic else 3) + np.arange(3)
         axis = slides.vjm.joint_axes_in_beam_frame[k]
         expected = axis @ C[np.ix_(place, place)] @ axis + C[springs[k], springs[k]]
-        assert joint_functional(slides.vjm, structure, k) @ structure.entries(C) == pytest.approx(expected)
+        assert joint_functional(slides.vjm, structure, k) @ structure.parameters_of(C) == pytest.approx(
+            expected
+        )
 
 
 def link_block(vjm, C, k):
@@ -231,7 +233,7 @@ def test_the_compliance_of_a_link_holds_its_joint_and_the_interval_is_that_of_ea
         assert row.share_percent == pytest.approx(share[row.part] + share.get(row.joint, 0))
     one = found[2]  # its entries as functionals, by unit parameters
     units = np.eye(estimate.structure.n_parameters)
-    rows_of = np.array([link_block(vjm, estimate.structure.matrix(own), 2) for own in units])
+    rows_of = np.array([link_block(vjm, estimate.structure.C_theta_of(own), 2) for own in units])
     half = known.half_widths(rows_of.reshape(len(units), 36).T).reshape(6, 6)
     there = rows_of.any(axis=0)
     given = np.array(one.half, dtype=float)

@@ -29,7 +29,7 @@ def estimate(kinematics, structure, data, prior):
     estimate.calls = getattr(estimate, "calls", 0) + 1
     if data.deflection[0, 0, 0] * 1e6 % 2 < 1:
         raise RuntimeError("odd")
-    pi = structure.entries(prior.C_theta) * (1 + np.random.uniform() + estimate.calls) / 4
+    pi = structure.parameters_of(prior.C_theta) * (1 + np.random.uniform() + estimate.calls) / 4
     return pi, np.diag((0.3 * pi) ** 2)
 '''
 FROZEN = {
@@ -122,7 +122,7 @@ def test_a_task_is_what_it_was_under_its_version(name, kr500):
     cell = kr500 if task.arm == "kr500_l480" else build_cell(ROOT / "models" / task.arm)
     own = problem(task, cell, 3)
     _, y = tb.reduce(own.cell.vjm, own.structure, own.data).weighted_equations
-    moved = own.predict(own.structure.entries(own.prior.C_theta))
+    moved = own.predict(own.structure.parameters_of(own.prior.C_theta))
     version, arm, *sizes = FROZEN[name]
     assert (task.version, own.true_arm) == (version, arm)
     found = (np.linalg.norm(y), *(1e3 * np.sqrt((part**2).mean()) for part in (moved, own.true)))

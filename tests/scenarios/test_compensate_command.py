@@ -42,7 +42,7 @@ POINTS = 12
 def the_truth(C_theta, vjm, structure, data):
     """An estimator that is told: what it is called with does not say it."""
     regression = reduce(vjm, structure, data)
-    return make_estimate(regression, structure.entries(C_theta), method="the truth")
+    return make_estimate(regression, structure.parameters_of(C_theta), method="the truth")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from run_here import fine as run
 
 import testbench as tb
 from testbench.data.dataset import select_runs
-from testbench.model.load import Load, first_order_deflection, secant_theta
+from testbench.model.load import Load, first_order_deflection, one_step_theta
 from testbench.model.vjm import evaluate_chain
 from testbench.workflows.model_names import in_words
 
@@ -56,7 +56,7 @@ def moved_by(fit, data):
     cell = tb.build_cell("kr500_l480")
     at = evaluate_chain(cell.vjm, data.q)
     return first_order_deflection(
-        at, secant_theta(at, compliance(fit), data.wrench, data.point), cell.vjm.markers
+        at, one_step_theta(at, compliance(fit), data.wrench, data.point), cell.vjm.markers
     )
 
 
@@ -154,7 +154,7 @@ def test_other_models_stand_beside_the_one_to_take_with_how_far_apart_they_are(m
     tool = {}
     for fit in json.loads((made[0] / "models.json").read_text())["models"]:
         wrench, point = (np.tile(one[k], (200, 1)) for one in (data.wrench, data.point))
-        bent = secant_theta(at, compliance(fit), wrench, point)
+        bent = one_step_theta(at, compliance(fit), wrench, point)
         tool[fit["name"]] = first_order_deflection(at, bent, np.zeros((1, 3)))[:, 0]
     for name in others:
         apart = 1e3 * np.linalg.norm(tool[name] - tool[taken], axis=1)

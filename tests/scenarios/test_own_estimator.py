@@ -248,7 +248,7 @@ def test_a_worker_refuses_a_file_that_is_not_the_one_asked_for(files):
 def test_an_answer_is_parameters_or_compliances_of_unknowns_alone():
     arm = tb.load_arm("kr500_l480")
     structure, C = all153(arm), tb.cad_prior(arm).C_theta
-    pi = structure.entries(C)
+    pi = structure.parameters_of(C)
     np.testing.assert_array_equal(parameters_of(structure, pi), pi)
     np.testing.assert_array_equal(parameters_of(structure, np.array(C)), pi)
     coupled = np.array(C)
@@ -268,7 +268,7 @@ def test_a_finite_number_that_no_arm_can_have_is_the_failure_of_its_entry(kr500,
     structure = all153(kr500.arm)
     for found in (
         np.full(structure.n_parameters, value),
-        structure.matrix(np.full(structure.n_parameters, value)),
+        structure.C_theta_of(np.full(structure.n_parameters, value)),
     ):
         with pytest.raises(BenchError, match="expected compliances of at most 1 in SI units"):
             parameters_of(structure, found)
@@ -278,7 +278,7 @@ def test_a_finite_number_that_no_arm_can_have_is_the_failure_of_its_entry(kr500,
 
 def test_a_prediction_beyond_the_arm_is_a_failure_and_one_of_millimetres_is_none(kr500, files):
     data = tb.simulate(kr500, tb.Scenario(arm="kr500_l480"), seed=1).identification
-    (files / "soft.py").write_text("def soft(k, s, d, p):\n    return 1e3 * s.entries(p.C_theta)\n")
+    (files / "soft.py").write_text("def soft(k, s, d, p):\n    return 1e3 * s.parameters_of(p.C_theta)\n")
     digest = hashlib.sha256((files / "soft.py").read_bytes()).hexdigest()
     own = EstimatorSource("soft", str(files / "soft.py"), "soft", Limits(30.0), digest)
     for softer in (1.0, 1e-3):

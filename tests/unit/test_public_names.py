@@ -77,8 +77,11 @@ def cell():
             lambda cell: tb.plan(cell, np.full((1, 6), 40.0), tb.PlanSettings(loads_kg=(460.3,))),
             "expected radians; joint_1 of pose 0 is at 40 rad",
         ),
-        (lambda cell: _structure(cell).entries(np.eye(3)), r"C_theta: expected shape \(48, 48\), got \(3,"),
-        (lambda cell: _structure(cell).matrix(np.ones(3)), r"pi .* expected shape \(56\), got \(3,\)"),
+        (
+            lambda cell: _structure(cell).parameters_of(np.eye(3)),
+            r"C_theta: expected shape \(48, 48\), got \(3,",
+        ),
+        (lambda cell: _structure(cell).C_theta_of(np.ones(3)), r"pi .* expected shape \(56\), got \(3,\)"),
         (lambda cell: tb.plan(cell, np.zeros(6), tb.PlanSettings(loads_kg=(460.3,))), "tasks q"),
         (lambda cell: tb.calibrate(cell.vjm, [], tb.cad_prior(cell.arm)), "series: expected one or more"),
         (lambda cell: tb.gco(cell, None, None), r"vjm: expected Vjm, got Cell; it has one as \.vjm"),

@@ -29,9 +29,9 @@ def test_matrix_is_symmetric_and_entries_give_the_parameters_back(arm, make):
     """Of a structure that leaves the symmetry open it is any matrix of a link."""
     structure = make(arm)
     pi = np.random.default_rng(2).standard_normal(structure.n_parameters)
-    C = structure.matrix(pi)
+    C = structure.C_theta_of(pi)
     assert np.array_equal(C, C.T) == structure.symmetric
-    np.testing.assert_array_equal(structure.entries(C), pi)
+    np.testing.assert_array_equal(structure.parameters_of(C), pi)
     mirrored = (structure.rows != structure.columns) & structure.symmetric
     assert np.count_nonzero(C) == structure.n_parameters + mirrored.sum()
 

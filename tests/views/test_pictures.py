@@ -102,7 +102,7 @@ def test_the_film_bends_the_arm_as_a_model_predicts_its_laws_of_the_joints_inclu
     structure = add_law_parameters(all153(kr500.arm), kr500.arm)
     C = block_diag(kr500.arm.C_theta, 0.5 * np.eye(structure.n_laws))
     regression = reduce(kr500.vjm, structure, data)
-    found = make_estimate(regression, structure.entries(C), method="known", constraint="psd")
+    found = make_estimate(regression, structure.parameters_of(C), method="known", constraint="psd")
     theta = opener._bent(kr500, found, data.q, (data.wrench, data.point))
     moved = first_order_deflection(evaluate_chain(kr500.vjm, data.q), theta, kr500.vjm.markers)
     np.testing.assert_allclose(moved, deflections(kr500.vjm, found, data), rtol=0, atol=1e-12)

@@ -604,7 +604,7 @@ def apply_step(state: ArmState, active_unknowns: ActiveUnknowns, x: Array) -> Ar
     return replace(
         state,
         theta_0=theta_0,
-        C_theta=unknowns.structure.matrix(every[unknowns.columns("elastic")]),
+        C_theta=unknowns.structure.C_theta_of(every[unknowns.columns("elastic")]),
         error_terms=unknowns.error_terms,
         error_coefficients=every[unknowns.columns("errors")].reshape(
             state.vjm.arm.n_joints, unknowns.error_terms.n_coefficients

@@ -780,7 +780,7 @@ class Unknowns:
         x = np.zeros(self.size)
         x[self.columns("geometry")] = state.theta_0[self.geometry_slice]
         x[self.columns("errors")] = state.error_coefficients.ravel()
-        x[self.columns("elastic")] = self.structure.entries(state.C_theta)
+        x[self.columns("elastic")] = self.structure.parameters_of(state.C_theta)
         return x
 
 

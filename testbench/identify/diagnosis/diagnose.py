@@ -202,7 +202,7 @@ def _mounting_issue(loads: LoadedRuns, observations: Observations) -> list[Issue
         prior = loads.compliance_prior
         pi = abs(deflection_scale(loads)) * (prior.L @ prior.expected_x)
         if not bends_like_hanging_arm(
-            observations, _observations(vjm, data, data.after), prior.structure.matrix(pi)
+            observations, _observations(vjm, data, data.after), prior.structure.C_theta_of(pi)
         ):
             return []
     return [mounting_issue(vjm, gravity)]

@@ -102,7 +102,7 @@ def gravity_cases(cell: Cell) -> list[CoverageCase]:
 
 
 def _case(cell: Cell, name: str, s: Structure, data: Dataset, functionals: Array) -> CoverageCase:
-    truth = s.entries(aggregate_left_out_joints(cell.arm.C_theta, cell.vjm, s))
+    truth = s.parameters_of(aggregate_left_out_joints(cell.arm.C_theta, cell.vjm, s))
     scaling = scale_by_prior(cad_prior(cell.arm), cell.vjm, s)
     return CoverageCase(name, reduce(cell.vjm, s, data), scaling, truth, functionals)
 

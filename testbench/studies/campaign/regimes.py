@@ -156,7 +156,7 @@ def _lent(ls: Estimate, gco: Estimate) -> Estimate:
     twice = np.where(ls.structure.fills_two_entries, 2.0, 1.0)  # entries that stand at two places of C
     w: Array = free.null_space.T @ (twice * (gco.pi / free.parameter_units - free.minimum_norm_solution))
     pi = ls.pi + free.parameter_units * (free.null_space @ w)
-    return replace(ls, pi=pi, C_theta=ls.structure.matrix(pi))
+    return replace(ls, pi=pi, C_theta=ls.structure.C_theta_of(pi))
 
 
 @dataclass(frozen=True)

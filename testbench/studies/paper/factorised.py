@@ -599,7 +599,7 @@ def solve_modelled(
     C = np.zeros((s.n_theta, s.n_theta))
     for i, X in zip(s.blocks, blocks, strict=True):
         C[np.ix_(i, i)] = nearest_psd((X.value + X.value.T) / 2)
-    pi = program.to_pi(s.entries(C), regression.structure.n_parameters)
+    pi = program.to_pi(s.parameters_of(C), regression.structure.n_parameters)
     method, word = f"GCO (conic program, cvxpy with {solver})", str(problem.status)
     return replace(
         make_estimate(regression, pi, method=method, constraint="psd"),

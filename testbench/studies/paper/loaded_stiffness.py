@@ -19,7 +19,7 @@ from testbench.model.load import (
     geometric_stiffness,
     massless_bodies,
     nonlinear_deflection,
-    secant_theta,
+    one_step_theta,
 )
 from testbench.model.structure import joints_only
 from testbench.model.vjm import WorkArea, evaluate_chain, observation_matrix
@@ -172,11 +172,11 @@ def _predict(cell: Cell, q: Array, wrench: Array, point: Array) -> dict[Method, 
     ).theta
     K_w = geometric_stiffness(unloaded, wrench, point)
     return {
-        "linear": first_order_deflection(unloaded, secant_theta(unloaded, C_theta, wrench, point), AT_TOOL)[
+        "linear": first_order_deflection(unloaded, one_step_theta(unloaded, C_theta, wrench, point), AT_TOOL)[
             :, 0
         ],
         "secant": first_order_deflection(
-            unloaded, secant_theta(unloaded, C_theta, wrench, point, K_w), AT_TOOL
+            unloaded, one_step_theta(unloaded, C_theta, wrench, point, K_w), AT_TOOL
         )[:, 0],
         "integrated": nonlinear_deflection(cell.vjm, q, theta, AT_TOOL)[:, 0],
     }
