@@ -275,10 +275,10 @@ class LargestUncertainty:
     """Hold the link, joint or other cause that contributes most to the uncertainty of predictions."""
 
     name: str  #: Name of a link or joint, "geometry" or "joint errors".
-    variance_share: (
-        float  #: Share of the variance, or of unbounded rows, that knowing the part would remove [1].
-    )
-    is_joint: bool  #: Whether it is the spring of a joint.
+    #: Share of the variance that exact knowledge of it would remove [1]; if intervals are infinite, share of
+    #: them that it would make finite.
+    variance_share: float
+    is_joint: bool  #: Whether it is the compliance of a joint.
 
 
 def largest_uncertainty(

@@ -275,7 +275,7 @@ def second_order_deflection(vjm: Vjm, C_theta: Array, data: Dataset) -> Array:
 def posterior_of_estimate(estimate: Estimate) -> Posterior:
     """Compute mean and covariance of an estimate's parameters, Eq. (14)-(15); rows of a prior count as data.
 
-    The last ones are kept: intervals, predictions, figures and the model's folder need the same one.
+    The last results are cached, because intervals, predictions, figures and the model's folder need the same.
 
     Mathematics: `int-1`, `int-3`, `int-5`.
 
@@ -289,11 +289,13 @@ def posterior_of_estimate(estimate: Estimate) -> Posterior:
     if estimate.averaged_models is not None:
         return _averaged(estimate, estimate.averaged_models)
     regression, weighted_prior = estimate.regression, estimate.weighted_prior
+    # Equations of readings and prior in scaled parameters z, pi = L z, weighted to unit variance.
     L = np.diag(sensitivity_units(regression)) if weighted_prior is None else weighted_prior.scaling.L
     blocks = [math.sqrt(t.n_equations / 3) * np.c_[t.R @ L, t.z] for t in regression.terms]
     if weighted_prior is not None:
         blocks.append(np.column_stack(prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)))
     x, rows = np.r_[np.linalg.solve(L, estimate.pi), -1.0], [block[:, :-1] for block in blocks]
+    # Root of their covariance; with a learnt prior noise and prior have separate rows.
     back, unobservable = _inverse(np.vstack(rows))
     pull = _distance_without_cone(estimate, rows, back, [block @ x for block in blocks])
     learnt = weighted_prior is not None and weighted_prior.hyperparameter_effect is not None
@@ -301,7 +303,7 @@ def posterior_of_estimate(estimate: Estimate) -> Posterior:
         root, heavy = _noise_and_prior_roots(rows, back, weighted_prior, L)
     else:
         root, heavy = (1.0 if weighted_prior is None else weighted_prior.noise_factor) * back @ L.T, 0
-    if regression.pose_variation is not None:  # links vary in new poses again: additional scatter
+    if regression.pose_variation is not None:  # links vary from pose to pose, also in new poses
         root = np.vstack([regression.pose_variation, root])
     return Posterior(
         mean=estimate.pi,
@@ -412,12 +414,12 @@ def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
 def _noise_and_prior_roots(
     rows: list[Array], back: Array, weighted_prior: WeightedPrior, L: Array
 ) -> tuple[Array, int]:
-    """Compute the root of the covariance: the part of noise, and rows of the part of the prior's error.
+    """Compute a root of the covariance, and the number of its rows, the last ones, that are from the prior.
 
-    With M the rows A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A + B^T B)
-    (M^T M)^-1: the effect of noise on the estimate, and that of an error of the prior. Learnt sizes of these
-    errors are uncertain: by the law of total variance their mean squares count, rows of B times
-    `uncertainty_factors`. The changes of the estimate with the sizes are further rows.
+    With M the equations A of the readings above those B of the prior, the covariance is (M^T M)^-1 (A^T A +
+    B^T B) (M^T M)^-1: the effects of noise and of errors of the prior on the estimate. Learnt sizes of these
+    errors are uncertain: by the law of total variance their mean squares count, which are B times
+    `uncertainty_factors`. Changes of the estimate with the learnt sizes are additional rows.
     """
     assert weighted_prior.hyperparameter_effect is not None
     assert weighted_prior.uncertainty_factors is not None

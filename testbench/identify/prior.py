@@ -178,26 +178,27 @@ class PriorScaling:
 
     @cached_property
     def is_link_coupling(self) -> Mask:
-        """Tell which entries of x couple axes inside a link that a straight beam does not couple, (n,)."""
+        """Tell which parameters couple axes inside a link that a straight beam does not couple, (n,)."""
         row, column = self.structure.upper_triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in BEAM_ENTRIES])
         return np.asarray((row < 6 * self.structure.n_links) & ~beam)
 
     @cached_property
     def is_joint_coupling(self) -> Mask:
-        """Tell which entries of x couple two joints, (n,)."""
+        """Tell which parameters couple two joints, (n,)."""
         row, column = self.structure.upper_triangles
         return np.asarray((row >= 6 * self.structure.n_links) & (row != column))
 
     @cached_property
     def scale_exponents(self) -> tuple[Array, Ids, tuple[str, ...]]:
-        """Return how the K scales of links and joints determine the scale of every entry of x.
+        """Return how scales of K links and joints determine the scales of all n parameters.
 
-        The scale of an entry is the product of the K scales, each to its exponent: 1 for an entry inside a
-        block, 1/2 and 1/2 for a coupling of two joints.
+        The scale of a parameter is the product of the K scales, each to its exponent: 1 for the link or joint
+        of the parameter, 1/2 and 1/2 for both joints of a coupling.
 
         Returns:
-            Exponents, (n, K) [1]; kind of every scale as in `block_kinds`, (K,); and names of the scales, K.
+            Exponents, (n, K) [1]; kind of every scale as in `block_kinds`, (K,); and K names of links and
+            joints.
         """
         owner = np.repeat(np.arange(len(self.block_orders)), [cone.svec_length(n) for n in self.block_orders])
         row, column = self.structure.upper_triangles
@@ -222,12 +223,12 @@ class PriorScaling:
 
     @cached_property
     def is_joint_law_size(self) -> Mask:
-        """Tell which entries of x are sizes of joint laws, not compliances, (n,)."""
+        """Tell which parameters are sizes of joint laws, not compliances, (n,)."""
         return np.asarray(self.structure.upper_triangles[0] >= self.structure.n_compliance_rows)
 
     @property
     def block_names(self) -> tuple[str, ...]:
-        """Return the name of every block: its link or joint, or the first axis of a block inside a link."""
+        """Return the name of every block of C_theta: its link or joint, or one axis of its link."""
         labels = [self.structure.row_labels[block[0]] for block in self.structure.blocks]
         whole = [size == 6 for size in self.block_orders]
         return tuple(
@@ -236,10 +237,10 @@ class PriorScaling:
         )
 
     def block_matrices(self, x: Array) -> list[Array]:
-        """Unpack the matrix X of every block from x = svec(X).
+        """Unpack the matrices X of all blocks from x, their svec(X) one after the other.
 
         Args:
-            x: Entries of all blocks, (n,) [1].
+            x: Parameters in units of the prior, (n,) [1].
 
         Returns:
             One symmetric matrix per block [1].

@@ -262,16 +262,19 @@ def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> 
         penalty.structure,
         gram_matrices(equations, block_diag(penalty.pi_per_split_parameter, np.eye(1))),
     )
+    # Gram matrices of all readings and of what every fold fits; models with rigid links.
     G = np.concatenate([[readings.total], readings.total - readings.held_out])
     rigid = np.array([_fit_joints_only(s, gram) for gram in G])
     strongest = _rigid_rate(s, readings.total, rigid[0])
     if not (s.has_full_blocks and strongest > 0 and readings.total[-1, -1] > 0):
         return None
+    # Try weights from that which makes links rigid downwards, and choose by held-out readings.
     weights = strongest * TRIED_WEIGHT_RATIO ** -np.arange(float(N_TRIED_WEIGHTS))
     scaled = _scaled_folds(penalty, G, weights[N_TRIED_WEIGHTS // 2])
     choose = _by_held_out_poses if len(readings.held_out) else _by_generalised_cross_validation
     k, left = choose(readings, scaled, rigid, weights)
     weights[0] *= TRIED_WEIGHT_RATIO  # the weight of rigid links, so large that rounding cannot bend a link
+    # From the rate l of chi^2 / 2 + l tr C to the weight of F_M + w tr C.
     chi2 = max(left, GRAM_RANK_TOLERANCE * readings.total[-1, -1])  # an exact fit leaves only rounding errors
     misfit = math.sqrt(chi2 * readings.n_equations / 3)
     return replace(penalty, weight=float(weights[k] * readings.n_terms / misfit))
