@@ -192,7 +192,7 @@ class Estimate(Displayed):
     constraint: Constraint = "own"
     penalty: TracePenalty | None = None  #: Trace term of GCO without a prior; None for none.
     #: Parameters of the trace term, which separates joints from links, (k,); None without a penalty.
-    split_parameters: Array | None = None
+    trace_term_parameters: Array | None = None
     #: Whether a compliance is unobservable and only the least trace of `paper_gco` keeps it finite.
     bounded_by_tie_break: bool = False
     weighted_prior: WeightedPrior | None = None  #: The prior that was used as data; None without one.

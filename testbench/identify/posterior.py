@@ -123,7 +123,7 @@ class Posterior(Displayed):
         return cls(mean, back @ L.T, unobservable @ L.T, np.linalg.norm(L, axis=1))
 
     def standard_deviations(self, functionals: Array) -> Array:
-        """Compute the standard deviations |R a| of linear functionals a of the unknowns.
+        """Compute the standard deviations |R a| of linear functionals a; R^T R is the covariance of x.
 
         Mathematics: `int-2`.
 
@@ -195,7 +195,7 @@ class Posterior(Displayed):
         return Intervals(centre, centre - half, centre + half, confidence, self.on_cone_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Compute covariance matrices A R^T R A^T of groups of linear functionals that the data determine.
+        """Compute covariances A K A^T of groups of linear functionals A that the data determine, K that of x.
 
         Args:
             functionals: A, rows of k functionals per group, (..., k, n).
