@@ -201,11 +201,13 @@ def overview(words: ReportWords, seen: PageContent) -> Figure:
 
 
 def _plain_numbers(bar: Colorbar) -> None:
-    """Write 0.1 and 1 beside a logarithmic color bar, not powers of ten."""
+    """Write 0.1 and 1 beside a logarithmic color bar, not powers of ten; a few numbers beside another."""
     norm = bar.norm
     if isinstance(norm, LogNorm):
         log_ticks(bar.ax, "y", norm.vmin, norm.vmax)  # type: ignore[arg-type]
         bar.ax.set_ylim(norm.vmin, norm.vmax)
+    else:
+        few_ticks(bar.ax.yaxis)
 
 
 def _panes(pose_group: PoseGroup) -> list[tuple[int, str, tuple[int, int]]]:
@@ -700,6 +702,7 @@ def _finish(axes: Axes, arm: tuple[Sequence[Array], Array] | None, ends: Array) 
         draw_arm(axes, *arm, opacity=SEEN_THROUGH)
     axes.set(xlim=tuple(ends[:, 0]), ylim=tuple(ends[:, 1]))
     axes.set_aspect("equal")
+    few_ticks(axes.xaxis, axes.yaxis)
     quiet(axes)
 
 
