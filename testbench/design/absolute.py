@@ -144,22 +144,22 @@ def position_rows(setup: AbsoluteSetup, q: Array) -> Array:
     Returns:
         Changes of m targets along three axes, (poses, 3 loads m, r) [m].
     """
-    m = len(setup.pose_readings.markers)
-    frame = np.arange(setup.unknowns.size)[setup.unknowns.columns(f"frame {setup.pose_readings.frame}")][:6]
+    A = np.concatenate([_position_changes(setup, batch) for batch, _ in _batches(q, None)])
+    if setup.readings_by_kind:
+        # no tracker frame: its columns give way to the motion of the base that explains most
+        frame = np.arange(A.shape[2])[setup.unknowns.columns(f"frame {setup.pose_readings.frame}")][:6]
+        Q = np.linalg.qr(A[:, :, frame].reshape(-1, 6))[0]
+        A[:, :, frame] = 0
+        flat = A.reshape(-1, A.shape[2])
+        A = (flat - Q @ (Q.T @ flat)).reshape(A.shape)
+    return A @ setup.L
 
-    def rows(batch: Array) -> Array:
-        A = series_equations(setup.unknowns, setup.state, series_in_poses(setup.pose_readings, batch))[
-            :m, :, :-1
-        ]
-        return np.asarray(A.transpose(3, 0, 1, 2).reshape(len(batch), -1, A.shape[2]))
 
-    if not setup.readings_by_kind:
-        return np.concatenate([rows(batch) @ setup.L for batch, _ in _batches(q, None)])
-    A = np.concatenate([rows(batch) for batch, _ in _batches(q, None)])
-    Q = np.linalg.qr(A[:, :, frame].reshape(-1, 6))[0]
-    A[:, :, frame] = 0
-    flat = A.reshape(-1, A.shape[2])
-    return np.asarray((flat - Q @ (Q.T @ flat)).reshape(A.shape) @ setup.L)
+def _position_changes(setup: AbsoluteSetup, q: Array) -> Array:
+    """Compute the change of all target positions per unit of the unknowns, (poses, 3 loads m, size) [m]."""
+    A = series_equations(setup.unknowns, setup.state, series_in_poses(setup.pose_readings, q))
+    positions = A[: len(setup.pose_readings.markers), :, :-1]
+    return np.asarray(positions.transpose(3, 0, 1, 2).reshape(len(q), -1, positions.shape[2]))
 
 
 def scale_sensitivity(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:

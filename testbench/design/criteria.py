@@ -33,7 +33,8 @@ MAX_EXACT_CANDIDATES = 32
 class Tangent:
     """Hold a linear upper bound of a concave criterion: Phi(M') <= <Z, M'> = tr(Z M') for every M'.
 
-    It is the tangent plane of Phi, or of a smooth function below Phi's bound, at one information matrix M.
+    For D and the linear criteria it is the tangent plane of Phi at an information matrix M. For G and E it is
+    that of a smooth function that is at least Phi everywhere.
     """
 
     Z: Array  #: Matrix of the bound, symmetric, (r, r).
@@ -48,7 +49,7 @@ class DeterminantCriterion:
     """Implement the D-criterion det(M)^(1/r), which measures the volume of the confidence ellipsoid."""
 
     def phi(self, M: Array) -> float:
-        """Compute Phi(M) = det(M)^(1/r).
+        """Compute the D-criterion Phi(M) = det(M)^(1/r).
 
         Mathematics: `pose-4`.
 
@@ -257,7 +258,7 @@ def criterion_e() -> LargestCriterion:
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))
 
-    def weighting(M: Array, share: Array) -> Array:
+    def weight_matrix(M: Array, share: Array) -> Array:
         """Compute W of a weighted mean of the costs: eigenvectors of M with the weights as eigenvalues.
 
         Args:
@@ -270,7 +271,7 @@ def criterion_e() -> LargestCriterion:
         V = np.linalg.eigh(M)[1]
         return np.asarray((V * share) @ V.T)
 
-    return LargestCriterion(costs, weighting)
+    return LargestCriterion(costs, weight_matrix)
 
 
 def criterion_g(rows: Array) -> LargestCriterion:

@@ -236,7 +236,7 @@ MAX_STARTS, MAX_MINIMAX_STARTS, MAX_START_POSES = 12, 4, 190
 all random starts together. The greedy start comes in addition."""
 MAX_MINIMAX_CANDIDATES = 1000  #: Number of the most sensitive candidates that may start plans by G and E.
 MAX_EXCHANGE_SWEEPS = 30  #: Most passes of the exchange over all poses of a plan.
-MIN_EXCHANGE_GAIN = 1e-7  #: Least relative gain of Phi for which a pose is exchanged [1].
+MIN_EXCHANGE_GAIN = 1e-7  #: Least relative gain of Phi for which a pose, or its gauges, are exchanged [1].
 STALE_TANGENT_SHARE = 1 / 8
 """Share of candidates that an old tangent plane does not exclude, from which a new one is computed [1]."""
 
@@ -559,15 +559,12 @@ def improve_single_poses(q: Array, usefulness: Callable[[Array], Array], search:
 
 # --- Where gauges touch: in every pose of a plan, which markers are read and along which axes ---------------
 
-MIN_GAUGE_GAIN, MAX_GAUGE_SWEEPS = 1e-6, 20
-"""Least relative gain of Phi for which the gauges of a pose change [1], and most passes over all poses."""
-
 
 @dataclass(frozen=True)
 class Gauges:
-    """Describe the gauges that are available."""
+    """Describe the dial gauges that read in every pose: their number and accuracy."""
 
-    count: int  #: Number of gauges per pose, each at a different marker.
+    count: int  #: Number of gauges in a pose, each at a different marker.
     sigma: float  #: Standard deviation of one reading [m].
     tilt_deviation: float  #: Standard deviation of a direction about each axis across it [rad].
 
@@ -725,11 +722,11 @@ def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gau
     M = problem.prior_information
     way = np.full(poses, -1)
     left = poses
-    for p in islice(cycle(range(poses)), MAX_GAUGE_SWEEPS * poses):
+    for p in islice(cycle(range(poses)), MAX_EXCHANGE_SWEEPS * poses):
         present = every[p, way[p]] if way[p] >= 0 else np.zeros_like(every[p, 0])
         rest = M - present.T @ present
         reached = criterion.phi_with_candidate(rest, every[p])
-        better = way[p] < 0 or reached.max() > (1 + MIN_GAUGE_GAIN) * reached[way[p]]
+        better = way[p] < 0 or reached.max() > (1 + MIN_EXCHANGE_GAIN) * reached[way[p]]
         way[p] = int(reached.argmax()) if better else way[p]
         M = rest + every[p, way[p]].T @ every[p, way[p]]
         left = poses if better else left - 1

@@ -380,20 +380,20 @@ def _refine_places(
     """Improve the joint angles of poses whose gauges and loads stay, (poses, n) [rad, m]."""
     problem = plan.candidates.problem
 
-    def rows(trial: Array, places: Ids) -> Array:
-        """Compute the gauges' rows at other joint angles.
+    def whitened_rows(trial: Array, places: Ids) -> Array:
+        """Compute whitened rows of the gauges of a plan's poses at other joint angles.
 
         Args:
             trial: Joint angles, (trials, n) [rad, m].
-            places: Pose of the plan whose gauges and load each trial has, (trials,).
+            places: Index of the plan's pose whose gauges and load each trial has, (trials,).
 
         Returns:
-            Whitened rows, (trials, count, r) [1].
+            Whitened rows, (trials, gauges, r) [1].
         """
         touched = np.arange(len(trial))[:, None], placed.marker[places], placed.axis[places]
         return gauge_rows(plan.specification, trial, load[places], gauges, problem.lift)[touched]
 
-    return refine_plan(q, problem.prior_information, plan.criterion, rows, search)
+    return refine_plan(q, problem.prior_information, plan.criterion, whitened_rows, search)
 
 
 def _better_gauges(
@@ -627,7 +627,7 @@ class PriorInfluence:
     directions_from_readings: int
     #: Share of the mean square prediction error at the tasks that comes from the prior, not from noise [1].
     prior_share: float
-    #: Mean square error at the tasks in directions that no candidate shows [m^2].
+    #: Mean square prediction error at the tasks in directions that no candidate observes [m^2].
     unobservable_mean_square: float
 
 

@@ -646,7 +646,7 @@ class _Newton:
         return x
 
     def solve(self, u: Array) -> tuple[Array, Array]:
-        """Solve the scaled Newton equations.
+        """Solve the scaled Newton equations (1 + S^T S) y = u of all problems.
 
         Args:
             u: Right-hand sides in scaled coordinates, (problems, n).

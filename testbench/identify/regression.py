@@ -276,8 +276,8 @@ def generic_observation_matrix(vjm: Vjm, structure: Structure) -> Array:
 def non_redundant_structure(vjm: Vjm, structure: Structure, *, name: str) -> Structure:
     """Remove the parameters whose columns the others span in every experiment.
 
-    QR with pivoting of a generic observation matrix selects the columns. A removed parameter is zero, and its
-    effect is regrouped into the kept ones (Klimchik et al.; Khalil and Gautier's base parameters).
+    QR with pivoting of a generic observation matrix selects the columns. A removed parameter is zero, and the
+    remaining ones take over its effect (Klimchik et al.; Khalil and Gautier's base parameters).
 
     Mathematics: `obs-6`.
 
@@ -287,7 +287,7 @@ def non_redundant_structure(vjm: Vjm, structure: Structure, *, name: str) -> Str
         name: Name of the new structure, such as MLS32.
 
     Returns:
-        The structure of the kept parameters.
+        The structure of the remaining parameters.
     """
     from scipy.linalg import qr  # here: see above
 
@@ -305,7 +305,7 @@ MAX_SORTED_RUNS = 16 * RUNS_PER_BATCH
 MAX_NUMBERS_IN_MEMORY = 3_000_000
 """Numbers of the equations of absolute readings that are in memory at a time."""
 PANEL_COLUMNS = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
-MIN_SEPARATE_POSES, MAX_SEPARATE_POSES = 4, 60  #: Poses of a dataset whose rows are kept pose by pose.
+MIN_SEPARATE_POSES, MAX_SEPARATE_POSES = 4, 60  #: Numbers of poses with `rows_by_pose`.
 
 
 class TriangularFactors:
@@ -597,7 +597,7 @@ class ReducedReadings:
 
     @cached_property
     def total_gram_matrices(self) -> Array:
-        """Return [A | y]^T [A | y] of all readings, one for every kind, (kinds, size + 1, size + 1)."""
+        """Return [A | y]^T [A | y] of all equations of every kind, (kinds, size + 1, size + 1) [1]."""
         return sum_gram_matrices(self.blocks)
 
     def in_basis(self, basis: "csr_array") -> "ReducedReadings":
