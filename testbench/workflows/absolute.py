@@ -16,7 +16,7 @@ from testbench.data.dataset import Series, select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, sheet_of, stem_of
 from testbench.files.read_series import read_series
 from testbench.identify.absolute.align import (
-    OUTLIER_WEIGHT,
+    MAX_OUTLIER_WEIGHT,
     Misfit,
     Outliers,
     align_all,
@@ -322,7 +322,7 @@ def of_outliers(found: Outliers) -> str:
     worst = (
         f"the worst is row {found.worst_row} of {found.worst_series}, by {1e3 * found.worst_distance:.4g} mm"
     )
-    far = f"{READING_LOSS.threshold / OUTLIER_WEIGHT:g} standard deviations"
+    far = f"{READING_LOSS.threshold / MAX_OUTLIER_WEIGHT:g} standard deviations"
     few = f"{found.n_outliers} of {found.n_readings} positions"
     return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 
@@ -337,7 +337,7 @@ def of_masses(mass_fit: MassFit) -> str:
         )
     whose = (
         "those of the motors against the weight"
-        if mass_fit.motor_torques
+        if mass_fit.are_motor_torques
         else "those of the weight on the joints"
     )
     limited = (

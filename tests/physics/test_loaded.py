@@ -238,7 +238,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
         return rms(own_weight_load(straight, found)[-n:].T - new)
 
     assert error(found.body_masses) < 0.3 * sigma < 3 * sigma < error(weights)
-    assert found.motor_torques == (sign == -1)
+    assert found.are_motor_torques == (sign == -1)
     assert ("those of the weight" in of_masses(found)) == (sign == 1)
 
 

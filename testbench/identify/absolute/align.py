@@ -318,13 +318,13 @@ def equation_deviations(noise: Noise, stated_variances: Array, repetitions: floa
     return np.asarray(np.sqrt(np.r_[stated_variances + repetitions * model_error**2, stated_variances]))
 
 
-OUTLIER_WEIGHT = 0.5
+MAX_OUTLIER_WEIGHT = 0.5
 """Robust weight below which a reading is an outlier [1]."""
 
 
 @dataclass(frozen=True)
 class Outliers:
-    """Count the positions with a robust weight below `OUTLIER_WEIGHT`, and describe the worst one."""
+    """Count the positions with a robust weight below `MAX_OUTLIER_WEIGHT`, and describe the worst one."""
 
     n_outliers: int  #: Number of outliers.
     n_readings: int  #: Number of positions that were read.
@@ -336,7 +336,7 @@ class Outliers:
 def find_outliers(
     state: ArmState, series: Sequence[Series], robust_weights: Sequence[Array]
 ) -> Outliers | None:
-    """Find measured positions with a robust weight below `OUTLIER_WEIGHT`.
+    """Find measured positions with a robust weight below `MAX_OUTLIER_WEIGHT`.
 
     Args:
         state: The calibrated arm.
@@ -348,7 +348,7 @@ def find_outliers(
     """
     farthest, count = [], 0
     for readings, weights in zip(series, robust_weights, strict=True):
-        wild = (weights[: len(readings.markers)].T < OUTLIER_WEIGHT) & readings.is_measured
+        wild = (weights[: len(readings.markers)].T < MAX_OUTLIER_WEIGHT) & readings.is_measured
         far = np.where(wild, position_residual_lengths(state, readings), 0.0).max(axis=1)
         k, count = int(far.argmax()), count + int(wild.sum())
         farthest.append((float(far[k]), readings.name, int(readings.row_id[k])))

@@ -502,7 +502,7 @@ class MassFit:
     )
     bodies_at_bound: tuple[str, ...]  #: Links and tool with a parameter at its bound.
     #: Whether the torques are those of the motors against gravity; else they are those of gravity.
-    motor_torques: bool = False
+    are_motor_torques: bool = False
 
     @property
     def explains_torques(self) -> bool:
@@ -531,7 +531,7 @@ def fit_link_masses(vjm: Vjm, nominal_masses: BodyMasses, series: tuple[Series, 
     A, known, torque = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     names = [*(link.name for link in vjm.arm.links[1:]), vjm.arm.tool]
     carries, carried = (_fit(nominal_masses, names, A, sign * torque - known) for sign in (1, -1))
-    best = min(carries, replace(carried, motor_torques=True), key=lambda fit: fit.residual)
+    best = min(carries, replace(carried, are_motor_torques=True), key=lambda fit: fit.residual)
     return best if best.explains_torques else replace(best, body_masses=nominal_masses, bodies_at_bound=())
 
 

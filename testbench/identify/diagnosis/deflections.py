@@ -432,8 +432,8 @@ def _wild_reading(data: Dataset, factor: float) -> Issue:
     """Name the largest deflection where no compliance fits: it may be wrong, and outweigh all others."""
     size = np.where(data.is_measured, np.linalg.norm(data.deflection, axis=-1), 0)
     (i, k), median = np.unravel_index(np.argmax(size), size.shape), float(np.median(size[data.is_measured]))
-    numbers = {"factor": factor, "largest": float(size[i, k]), "median": median}
-    return Issue("scale", (data.markers[k], str(data.run_id[i])), details=numbers)
+    details = {"factor": factor, "largest": float(size[i, k]), "median": median}
+    return Issue("scale", (data.markers[k], str(data.run_id[i])), details=details)
 
 
 def _scale_issue(loads: LoadedRuns, factor: float) -> list[Issue]:

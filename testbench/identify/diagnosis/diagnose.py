@@ -283,7 +283,7 @@ def find_moves(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
         prior: Nominal prior of the compliances.
 
     Returns:
-        Moves of targets, then of trackers; none when there are too few readings. Their numbers `before` and
+        Moves of targets, then of trackers; none when there are too few readings. Their details `before` and
         `after` identify the readings on both sides: 2 k is the unloaded reading of run k, 2 k + 1 the loaded.
     """
     series = tuple(_series_in_time(select_rows(data, select_evenly(np.arange(data.n_runs)))))

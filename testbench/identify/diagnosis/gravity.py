@@ -49,7 +49,7 @@ MIN_REVERSED_ANGLE = np.deg2rad(120.0)  #: Angle from which weights seem to pull
 MIN_CERTAIN_ANGLE, MIN_EXPLAINED_SHARE = np.deg2rad(45.0), 0.7
 """Angle of g from -z [rad], and share of the typical deflection that it explains [1], above which g is
 certain."""
-MIN_READINGS = 6  #: Fewest readings from which a direction of gravity is estimated.
+MIN_GRAVITY_READINGS = 6  #: Fewest readings from which a direction of gravity is estimated.
 REWEIGHTINGS = 5  #: Reweighted solutions of the robust least squares.
 ROUNDING_ERROR = 1e-9  #: Rounding error of a rotation matrix [1].
 
@@ -176,9 +176,9 @@ def suspected_gravity(
 
     Returns:
         The direction of gravity. None when it is nominal, when a load is no weight, or when there are fewer
-        than MIN_READINGS readings.
+        than MIN_GRAVITY_READINGS readings.
     """
-    if not loads_are_weights(data) or np.count_nonzero(data.is_measured) < MIN_READINGS:
+    if not loads_are_weights(data) or np.count_nonzero(data.is_measured) < MIN_GRAVITY_READINGS:
         return None
     g, explained_share = _by_deflections(vjm, compliance_prior, data)
     if tracker_gravity is not None and angle_between(tracker_gravity, DOWN) < MAX_LEVEL_TILT:
@@ -246,8 +246,8 @@ def mounting_issue(vjm: Vjm, gravity: GravityDirection, log_likelihood_gain: flo
     turn = Rotation.from_matrix(stands[:3, :3]).as_quat(scalar_first=True)
     turn = turn * np.sign(turn[np.abs(turn) > ROUNDING_ERROR][0])
     size = np.concatenate([gravity.g @ vjm.base_pose[:3, :3], turn])
-    numbers = {"tracker_agrees": gravity.confirmed_by_tracker}
-    return Issue("mounting", (arm.links[0].name,), size, numbers, log_likelihood_gain)
+    details = {"tracker_agrees": gravity.confirmed_by_tracker}
+    return Issue("mounting", (arm.links[0].name,), size, details, log_likelihood_gain)
 
 
 MAX_ROWS_PER_SERIES = 150  #: Most rows of a series that are fitted, evenly spaced.

@@ -488,17 +488,15 @@ def _off_poses(placed: FittedObservations, *, whole_poses: bool) -> Iterator[Cor
             str(observations.run_id[row]),
             float(np.median(off[row][observations.is_measured[row]])),
         )
-        numbers = {"pose": int(observations.pose_id[row])}
+        pose = {"pose": int(observations.pose_id[row])}
         if (typical > far / 2) != whole_poses:
             continue
         if whole_poses:
             where, size = _explain_pose(placed, row, far)
-            yield Correction((run, *where), size, {"off": typical, **numbers})
+            yield Correction((run, *where), size, {"off": typical, **pose})
         else:
             k = int(np.argmax(off[row]))
-            yield Correction(
-                (run, observations.target_names[k]), details={"off": float(off[row, k]), **numbers}
-            )
+            yield Correction((run, observations.target_names[k]), details={"off": float(off[row, k]), **pose})
 
 
 def _explain_pose(placed: FittedObservations, row: int, far: float) -> tuple[tuple[str, ...], Array]:

@@ -73,7 +73,7 @@ class Issue:
     name: str  #: Name of the hypothesis, such as "frame".
     where: tuple[str, ...] = ()  #: Names of the joints, links, targets, runs or series with the mistake.
     size: Array = field(default_factory=_nothing)  #: Estimated size of the mistake, (k,), SI units.
-    #: Other numbers of the sentence, by name, SI units.
+    #: Other numbers that the sentence states, by name, SI units.
     details: Mapping[str, float] = field(default_factory=dict)
     #: Log-likelihood gained by correcting the mistake [nats]; None if it is certain without a fit.
     log_likelihood_gain: float | None = None
@@ -447,13 +447,13 @@ def best_hypothesis(
 
     # Distance of most readings from the fit, as read and corrected.
     share = MEDIAN if now < MEDIAN * typical else HIGH_QUANTILE
-    numbers = {
+    details = {
         "was": start.distance_quantile(sample, share),
         "now": best.fit.distance_quantile(best.sample, share),
         "share": share,
     }
     where, size = best.where_and_size(observations)
-    issue = Issue(best.hypothesis.name, where, size, numbers, best.gain, reading_kind)
+    issue = Issue(best.hypothesis.name, where, size, details, best.gain, reading_kind)
     return issue, best.fit if best.sample is best.corrected else fit_kinematics(best.corrected)
 
 

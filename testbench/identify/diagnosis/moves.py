@@ -110,7 +110,7 @@ def best_step(nuisance: NuisanceModel, series: Series, candidate_steps: Ids) -> 
 
     Returns:
         The step, named "target_moved" or "tracker_moved". Its size is translation and, if six numbers,
-        rotation, (3 or 6,) [m, rad]. Its numbers are:
+        rotation, (3 or 6,) [m, rad]. Its details are:
 
         - `place`: index of the first row after the step;
         - `before`, `after`: identifiers of the rows on both sides;
@@ -138,7 +138,7 @@ def most_significant_steps(
         candidate_steps: Index of the first row after each candidate step, ascending, (steps,) per series.
 
     Yields:
-        A series and its step, with numbers as in `best_step`.
+        A series and its step, with details as in `best_step`.
     """
     sums = [_sums(nuisance, readings, np.arange(1, readings.n_rows)) for readings in series]
     rest = _unexplained(nuisance, series, sums)
@@ -233,7 +233,7 @@ def _greatest_step(
     # The variance of an equation, and the gain for the number of independent ones.
     s2 = max(rest.before - decrease, 1e-300) / rest.count
     gain = decrease / s2 / rest.shared / 2
-    numbers = {
+    details = {
         "alike": bool(decrease - rival < MAX_AMBIGUOUS_CHI2 * s2),
         "share": decrease / rest.before,
         "free": rest.count / rest.shared,
@@ -243,7 +243,7 @@ def _greatest_step(
         "across": bool(series.pose_id[place - 1] == series.pose_id[place]),
     }
     kind = "target_moved" if slipped else "tracker_moved"
-    return Issue(kind, (series.name, series.frame), score.expected_size[k], numbers, gain)
+    return Issue(kind, (series.name, series.frame), score.expected_size[k], details, gain)
 
 
 def _sums(nuisance: NuisanceModel, series: Series, steps: Ids) -> _Sums:
@@ -310,7 +310,7 @@ def move_columns(nuisance: NuisanceModel, series: Series, A: Array, moved_object
 
 
 def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issue:
-    """Add the RMS distance by which a step moves the targets to the numbers of its issue.
+    """Add the RMS distance by which a step moves the targets to the details of its issue.
 
     Args:
         nuisance: The linear model of all errors other than the step.
@@ -318,7 +318,7 @@ def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issu
         step: The issue of the step.
 
     Returns:
-        The issue; its number `shift` is the RMS distance over all readings [m].
+        The issue; its detail `shift` is the RMS distance over all readings [m].
     """
     moved = step.name.removesuffix("_moved")
     Z = move_columns(
