@@ -206,7 +206,7 @@ def _tables(f: Row) -> dict[str, Table]:
 def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     yield "model", f.method
-    yield "tool to which the program's positions refer", f.asked
+    yield "pose that the program states: of the unloaded or the drawn arm", f.asked
     yield "corrected quantity", f.hold
     yield "points with a load", f.loaded
     yield "points corrected", f.corrected
@@ -227,8 +227,8 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "largest orientation change that is not corrected, mrad", f.turns_mrad or None
     if f.tolerance:
         yield "tolerance, mm", f.tolerance.mm
-        yield "points that exceed the tolerance as programmed", f.tolerance.failed_before
-        yield "points that exceed the tolerance after correction", f.tolerance.failed
+        yield "points outside the tolerance, as programmed", f.tolerance.failed_before
+        yield "points outside the tolerance, corrected", f.tolerance.failed
     if f.jump:
         yield f"largest jump of a correction between two points, {f.jump.unit}", f.jump.size
         yield "joint and line of this jump", f"{f.jump.joint}, line {f.jump.line}"

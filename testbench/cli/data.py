@@ -218,7 +218,7 @@ def _origin(proposal: Proposal) -> list[str]:
     guesses = {why: [own.key for own in entries if own.why == why] for *_, why in entries if why}
     layouts = [f"layout     {name}" for name in proposal.layouts]
     guessed = [f"guess      {', '.join(keys)}: {why}" for why, keys in guesses.items()]
-    return [*layouts, *guessed, *([f"asked      {proposal.asked}"] if proposal.asked else [])]
+    return [*layouts, *guessed, *([f"missing    {proposal.asked}"] if proposal.asked else [])]
 
 
 def _show_series(

@@ -51,7 +51,7 @@ WORST = (
     TableColumn("half_mm", "95 % half width, median", "mm", none="no bound"),
     TableColumn("worst_mm", "95 % half width, largest", "mm", none="no bound"),
     TableColumn("unbounded", "poses without bound", form="d"),
-    TableColumn("place", "place of the largest"),
+    TableColumn("place", "place of the largest half width"),
     TableColumn("joints", "joint angles there"),
 )
 SINGLE = TableColumn("quantity", "quantity"), TableColumn("value", "value", form=",.5g")

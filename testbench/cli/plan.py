@@ -40,7 +40,7 @@ AROUND = (
     TableColumn("name", "model"),
     TableColumn("typical_mm", "expected error, RMS", "mm", none="no bound"),
     TableColumn("worst_mm", "largest", "mm"),
-    TableColumn("place", "place of the largest, m"),
+    TableColumn("place", "place of the largest error, m"),
     TableColumn("joints", "joint angles there"),
 )
 SINGLE = TableColumn("quantity", "quantity"), TableColumn("value", "value", form=",.5g")

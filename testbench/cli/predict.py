@@ -135,7 +135,7 @@ def _warnings(f: Row) -> Iterator[str]:
     """How the file was read, loads beyond the readings, what no reading has seen, doubts of the model."""
     yield from (*f.notes, *f.extrapolated)
     if any(row.half_mm is not None and 2 * row.half_mm > row.deflection_mm > 0 for row in f.worst[:1]):
-        yield "Uncertain: the 95 % half width of the largest deflection exceeds half of it"
+        yield "Uncertain: the 95 % half width of the largest deflection exceeds half of this deflection"
     if f.map.half_mm is not None and 2 * f.map.half_mm > f.map.worst_mm:
         yield "Uncertain: the 95 % half width of the largest deflection in the map exceeds half of it"
     if f.unseen_percent:
@@ -167,9 +167,9 @@ def _others(f: Row) -> Iterator[tuple[str, object]]:
     yield "poses in the map", field.places
     yield "deflection by the force in the worst direction, median over the map, mm", field.median_mm
     yield "this deflection, 95th percentile over the map, mm", field.p95_mm
-    yield "this deflection, largest in the map, mm", field.worst_mm
-    yield "95 % half width of the largest, mm", field.half_mm or "none"
-    yield "place of the largest, x, y, z, m", ", ".join(f"{x:.3f}" for x in field.at_m)
+    yield "this deflection, largest over the map, mm", field.worst_mm
+    yield "95 % half width of the largest deflection, mm", field.half_mm or "none"
+    yield "place of the largest deflection (x, y, z), m", ", ".join(f"{x:.3f}" for x in field.at_m)
     yield "joint angles there", field.joints
     yield "softest direction there", field.softest
 

@@ -844,7 +844,7 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
         notes.append("the load is a hung mass: its force is -9.81 m/s2 times the mass along the world's z")
     names = [f"{what}_{x}" for what in ("force", "moment") for x in XYZ]
     if acts and (zero := [name for name, own in zip(names, acting, strict=True) if own is None]):
-        notes.append(f"there is no column {', '.join(zero)}: taken as 0")
+        notes.append(f"no column gives {', '.join(zero)}: taken as 0")
     return wrench, notes
 
 

@@ -336,9 +336,9 @@ def of_masses(mass_fit: MassFit) -> str:
             "unexplained: check the order of joints, the unit and the payload"
         )
     whose = (
-        "those of the motors against the weight"
+        "the torques of the motors against the weight"
         if mass_fit.are_motor_torques
-        else "those of the weight on the joints"
+        else "the torques of the weight on the joints"
     )
     limited = (
         f"; these differ from rigid.xml by the largest allowed amount: {', '.join(mass_fit.bodies_at_bound)}"

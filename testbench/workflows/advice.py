@@ -78,9 +78,9 @@ def _of_rank(estimate: Estimate) -> list[str]:
         return []
     free = s.n_parameters - rank
     size = f"{s.name} has {s.n_parameters} unknowns and rank {rank}"
-    text = f"{size}: the readings do not determine {free} directions"
+    text = f"{size}: the readings leave {free} of its {s.n_parameters} directions undetermined"
     unseen = int((estimate.compliance_regression.column_norms == 0).sum())
-    return [f"{text}, and {unseen} unknowns have no effect on any reading" if unseen else text]
+    return [f"{text} (unknowns that change no reading: {unseen})" if unseen else text]
 
 
 def _of_fit(estimate: Estimate) -> list[str]:
@@ -127,7 +127,8 @@ def of_prior(weighted_prior: WeightedPrior) -> str:
         )
         return (
             f"the prior is {name}, with a scale for each link and joint that is estimated from the readings. "
-            f"Its uncertainty is {shape:.2g} % for the shape of a compliance, {coupling:.2g} % for couplings"
+            f"The uncertainty of the prior is {shape:.2g} % for the shape of a compliance and "
+            f"{coupling:.2g} % for couplings"
         )
     scale = (
         "one common scale estimated from the readings"

@@ -143,7 +143,7 @@ def _rests(f: Row) -> list[Row]:
     pairs = {
         "noise of a reading, um": None if f.get("instruments") else noise,
         "uncertainty of the prior, %": f.uncertainty_percent,
-        f"lower bound of the efficiency by criterion {f.criterion}, %": 100 * f.certificate.efficiency,
+        f"lower bound of the plan's efficiency (criterion {f.criterion}), %": 100 * f.certificate.efficiency,
         "candidate poses examined": f.certificate.examined,
         "unknowns": seen.get("unknowns"),
         "directions of the unknowns that these loads can determine": seen.get("shown"),

@@ -186,7 +186,7 @@ def test_what_it_rests_on_is_in_tables_with_and_without_a_prior(f):
         "| this plan, with a prior twice as uncertain | 0.456 |",
         "| this plan, with Joints-only | 0.789 |",
         "| directions in which readings outweigh the prior | 15 |",
-        "| lower bound of the efficiency by criterion test, % | 50 |",
+        "| lower bound of the plan's efficiency (criterion test), % | 50 |",
         "| joint_1 | 1.2 | deg |",
         "| it hits | 2,080 |",
     ):

@@ -366,8 +366,8 @@ def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bou
     assert 0 < fails < len(most)
     assert said.numbers["tolerance"].failed == fails
     assert said.badge.verdict == "do not use"
-    told = {row.what: row.value for row in said.tables["numbers"].rows if "exceed" in str(row.what)}
-    assert [told[what] for what in told if what.endswith("correction")] == [fails]
+    told = {row.what: row.value for row in said.tables["numbers"].rows if "outside" in str(row.what)}
+    assert [told[what] for what in told if what.endswith(", corrected")] == [fails]
     shown = [row.most_mm for row in said.tables["worst"].rows]
     assert shown == sorted(shown, reverse=True)
     assert shown[0] == pytest.approx(most.max())

@@ -103,7 +103,7 @@ def test_the_headline_is_the_largest_deflection_and_warnings_follow(made):
     assert report["map"]["half_mm"] > report["map"]["worst_mm"] / 2  # a hung weight never turned joint 1
     assert "Uncertain: the 95 % half width of the largest deflection in the map" in said
     shown = {row[0]: row[1] for row in tables_of((out / "report.md").read_text())[1][1]}
-    for name, mm in (("worst_mm", "this deflection, largest in the map, mm"), ("median_mm", MEDIAN)):
+    for name, mm in (("worst_mm", "this deflection, largest over the map, mm"), ("median_mm", MEDIAN)):
         assert shown[mm] == show(report["map"][name], ".3g")
 
 
