@@ -347,6 +347,8 @@ def find_columns(table: TableCells, names: Names, arm: Arm) -> Columns:
     # Split combined cells, and find the quantity of every name.
     table, read_as = take_apart(table, names)
     named = {k: own for k, name in enumerate(read_as) if (own := names.find(name))}
+    if {*table.names} >= OF_A_PLAN:  # its `travel_mm` is that of a slide, not of a gauge
+        named = {k: own for k, own in named.items() if own.slot != Slot("travel")}
     if not named:
         raise _none_known(table, arm)
     _check_map(table, names, named)
@@ -606,6 +608,8 @@ SAME_POSE = 1e-6
 """Largest difference of joint coordinates in one pose [rad, m]."""
 ROUNDED = 1e-4
 """Excess over a limit that rounding in a file explains; the coordinate is then set to the limit [rad, m]."""
+OF_A_PLAN = frozenset({"travel_deg", "way"})
+"""Columns that only a plan.csv has."""
 UNIT_ROUNDING = 1e-3
 """Difference of a joint in two units that rounding in a file explains [deg, mm]."""
 POSES_BY_ANGLES = "rows of equal joint angles count as one pose"

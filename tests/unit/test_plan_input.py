@@ -10,6 +10,7 @@ from tables import write_table as write
 from testbench.arm.folder import ArmJoint
 from testbench.errors import BenchError
 from testbench.files.program import read_poses
+from testbench.files.read_pairs import read_export
 from testbench.model.load import weight
 from testbench.workflows.options import overload_warnings
 from testbench.workflows.plan import nearest_turn
@@ -70,6 +71,29 @@ def test_a_plan_is_read_like_any_poses_and_brings_its_loads(kr500, tmp_path):
     said = "line 3, columns joint_2_rad and joint_2_deg: "
     assert said in refused(read_poses, path, kr500.arm)
     assert read_loads(write(tmp_path / "poses.csv", RAD, np.deg2rad(POSES))) == (None, None)
+
+
+def test_the_travel_of_a_slide_in_a_plan_is_not_read_as_that_of_a_gauge(slides, tmp_path):
+    joints = [joint.file_column for joint in slides.arm.file_joints]
+    lower, upper = slides.arm.limits
+    read = [
+        f"{name}_{when}_{x}_mm" for name in slides.arm.markers for when in ("before", "after") for x in "xyz"
+    ]
+    header = [*joints, "load_kg", "travel_deg", "travel_mm", "way", *read]
+    rows = [
+        [
+            *map(repr, (lower + share * (upper - lower)).tolist()),
+            5,
+            "3.00",
+            "12.00",
+            "clear",
+            *range(len(read)),
+        ]
+        for share in (0.2, 0.4)
+    ]
+    export = read_export(write(tmp_path / "plan.csv", header, rows), slides.arm)
+    np.testing.assert_allclose(export.data.before[0, 0], [0, 1e-3, 2e-3], rtol=0, atol=1e-15)
+    assert {"travel_deg", "travel_mm", "way"} == {*export.columns.ignored}
 
 
 def test_a_joint_that_the_arm_lacks_is_refused(kr500, tmp_path):
