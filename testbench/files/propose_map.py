@@ -119,7 +119,7 @@ def find_join(table: TableCells, log: TableCells, *fits: Fitting | None) -> tupl
         count = table.rows // max(log.rows, 1)
         if table.rows != count * log.rows or not _in_turn(table, count):
             got = f"{table.rows} readings and {log.rows} rows of the log"
-            problem = "expected names or times in columns of both files, or as many rows or poses in both"
+            problem = "expected names or times in both files, or equally many rows or poses in both"
             raise InputError(log.path, "", f"{problem}, got {got}")
         return Log(file=log.path.name, rows=count), np.zeros(table.rows, dtype=bool)
     when = [times_of(own, names) for own, names in zip((table, log), both, strict=True)]

@@ -305,12 +305,12 @@ def of_held(calibration: Calibration) -> list[str]:
                 f"a prior holds the targets {drawn}, within {1e3 * NOMINAL_TARGET_DEVIATION:.0f} mm; "
                 "predictions of other orientations depend on it"
             )
-            by = by if mount in every else "a series that shares the target or the frame determines it"
+            by = by if mount in every else "another series with the same target or frame determines it"
             open_ = f"the places of {names} on the tool and of the frame cannot be separated"
-            words.append(f"{series.name}: its tool turns too little, so that {open_}: {by}")
+            words.append(f"{series.name}: its tool turns too little, so {open_}: {by}")
         if frame in alone:
             by = f"a prior holds the frame upright, within {np.degrees(LEVEL_DEVIATION):.1f} degrees"
-            by = by if frame in every else "a series that shares the target or the frame determines it"
+            by = by if frame in every else "another series with the same target or frame determines it"
             words.append(
                 f"{series.name}: a turn of its frame about the line of its positions is not determined: {by}"
             )
@@ -443,9 +443,8 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
                 placed = fit_frame_and_mount(with_drift(model), one, evenly_spaced_rows(one, some))
         rest = select_rows(one, np.setdiff1d(np.arange(one.n_rows), placed.frame_rows))
         if not rest.n_rows:
-            raise BenchError(
-                f"{one.name}: all {len(placed.frame_rows)} rows fit its frame, so no row validates the model"
-            )
+            used = f"all {len(placed.frame_rows)} rows are used to fit its frame"
+            raise BenchError(f"{one.name}: {used}, so none validates the model")
         left, covariance = predict_series(model, placed, rest)
         far.append(1e3 * np.linalg.norm(left, axis=2)[rest.is_measured])
         within.append(inside_ellipsoid(left, covariance, one.chi_squared_95)[rest.is_measured])

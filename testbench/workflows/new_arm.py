@@ -425,9 +425,9 @@ WORDS = {
     "outside": "not of this arm, so left out: {names}",
     "placeholders": "every link weighs {0:g} kg in the file, which no arm does: not used",
     "renamed": "names changed to allowed ones: {names}",
-    "rods": "held at zero they do not follow the arm, so their collisions do not count: {names}; "
-    "a balancer's spring is for [compensator] of elastic.toml",
-    "springs": "springs in the file are left out: {names}; a balancer's spring is for [compensator] of "
+    "rods": "these bodies are held at zero, so their collisions do not count: {names}; "
+    "describe a balancer's spring in [compensator] of elastic.toml",
+    "springs": "springs in the file are left out: {names}; describe a balancer's spring in [compensator] of "
     "elastic.toml",
     "gravcomp": "gravcomp in the file is left out, so these bodies have their weight: {names}",
     "sites": "markers at the sites of the robot's file",

@@ -316,11 +316,15 @@ def test_a_log_that_is_joined_by_order_says_so_and_is_refused_where_the_counts_d
         "warning: the rows of robot.dat are joined in their order, each to 3 rows of readings" in found.notes
     )
     fewer = "".join(other.splitlines(keepends=True)[:-1])
-    with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 11 rows"):
+    with pytest.raises(
+        InputError, match="or equally many rows or poses in both, got 36 readings and 11 rows"
+    ):
         read("", tmp_path, export, fewer)
     lines = export.splitlines(keepends=True)
     by_target = "".join([lines[0], *(line for m in range(3) for line in lines[1 + m :: 3])])
-    with pytest.raises(InputError, match="or as many rows or poses in both, got 36 readings and 12 rows"):
+    with pytest.raises(
+        InputError, match="or equally many rows or poses in both, got 36 readings and 12 rows"
+    ):
         read("", tmp_path, by_target, other)
     (tmp_path / "robot.dat").write_text(fewer)
     with pytest.raises(InputError, match="expected 3 rows for each of 11 rows of robot"):

@@ -93,7 +93,7 @@ def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp
     assert f"6 joints, tool at '{flange}'" in said
     names = ", ".join(f"rod_joint_{k}" for k in range(1, 5))
     assert f"not between base and tool, so held at zero: {names}" in said
-    still = "held at zero they do not follow the arm, so their collisions do not count"
+    still = "these bodies are held at zero, so their collisions do not count"
     assert f"{still}: rod_1, rod_2, rod_3, rod_4" in said
     assert "hulls that touch" not in said
     assert (load_arm(tmp_path / "mine").limits[:, 2] == (-2, 1.5)).all()
@@ -394,7 +394,7 @@ def test_springs_and_compensated_gravity_of_an_mjcf_are_said(tmp_path):
     text = file.read_text().replace('<joint name="joint2"/>', '<joint name="joint2" stiffness="900"/>')
     file.write_text(text.replace('<body name="link2"', '<body gravcomp="1" name="link2"'))
     words = " ".join(map(sentence, read_chain(file).notes))
-    assert "springs in the file are left out: joint2; a balancer's spring is for [compensator]" in words
+    assert "springs in the file are left out: joint2; describe a balancer's spring in [compensator]" in words
     assert "gravcomp in the file is left out, so these bodies have their weight: link2" in words
 
 

@@ -80,7 +80,7 @@ def test_another_series_of_the_target_tells_what_one_orientation_leaves_open(kr5
     assert undetermined_frames(kr500.vjm, (line,)) == {"mount mount 1"}
     assert not undetermined_frames(kr500.vjm, (line, rich))
     found = calibrate_with_masses(kr500.vjm, (line, rich), SPRINGS)
-    assert any("a series that shares the target or the frame determines it" in note for note in found.notes)
+    assert any("another series with the same target or frame determines it" in note for note in found.notes)
     true = truth.mounts[0].position + truth.mounts[0].rotation @ truth.markers[0]
     off = found.calibration.state.mounts["mount 1"].points[0] - true
     assert np.linalg.norm(off) < 3e-3
