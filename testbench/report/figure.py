@@ -499,7 +499,7 @@ def forest(
             axes.axvline(at, color=shade, linewidth=0.8, linestyle=":")
         if isinstance(mark, float):
             axes.axvline(mark, color=SOFT, linewidth=0.8, linestyle=":")
-        axes.set_title(title)
+        axes.set_title(printed(title))
     dots = dotted(columns[key].value(row) for key in panes if key != RATIO for row in table.rows)
     banded = any(best_rows(replace(table, looks=known), columns[key]) for key in panes)
     bands = "Band: the best, and all that tie with it." if banded else ""
@@ -628,7 +628,7 @@ def sweeps(
         alone = k % across == 0 and k == len(panes) - 1
         axes = part.add_subplot(grid[k // across, slice(None) if alone else k % across])
         _sweep(axes, table, lines, lines if bands is None else bands)
-        axes.set_title(title)
+        axes.set_title(printed(title))
     _share_scales(part.axes, "y")
     for axes in part.axes:
         if proportional:
@@ -710,7 +710,7 @@ def ranges(
             middles = [middle(value.value(row)) for row in shown]
             axes.plot(middles, y, linestyle="", label=row_words(model), **look.dots(3.6))
         axes.set(xlabel=labelled(value))
-        axes.set_title(title)
+        axes.set_title(printed(title))
         axes.grid(axis="y", alpha=0.2)
         quiet(axes)
     _share_scales(sides, "x")

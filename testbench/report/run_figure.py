@@ -324,7 +324,7 @@ def _write_sizes(axes: Axes, layer: Layer, k: int, shown: list[int]) -> None:
                 ha="center",
                 va="bottom" if up else "top",
                 fontsize=MIN_LETTER_SIZE,
-                bbox=SEEN_THROUGH_BOX if layer.kind == "arrows" else None,
+                bbox=SEEN_THROUGH_BOX,
             )
 
 
@@ -343,7 +343,7 @@ def draw_ellipsoids(axes: Axes, at: Array, semi_axes: Array, plane: Sequence[int
 
 
 def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
-    """The first table of several models and the column that it is about; the winner first, then by size.
+    """The first table with one row per model and the column that it is about; the winner first, then by size.
 
     Rows that each add something to the one before keep their order.
     """
@@ -351,6 +351,8 @@ def headline(tables: Sequence[Table]) -> tuple[Table, TableColumn] | None:
         name, *others = table.columns
         known = table.looks or looks(table.rows, name)
         own = [row for row in table.rows if name.cell(row) in known]
+        if len({name.cell(row) for row in own}) < len(own):  # the name alone does not say what a row is
+            continue
         columns = [column for column in others if column.key == table.headline] or others[::-1]
         for column in columns:
             sizes = [(not table.marks(row), _size(column, row), k) for k, row in enumerate(own)]
@@ -444,7 +446,7 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     names = [short(chart.labels[k], 8) for k in some]
     axes.set_xticks(some, names, rotation=0 if sum(map(len, names)) + 2 * len(names) < ACROSS else 45)
     axes.set_xlabel(chart.across)
-    axes.set_title(" ".join(filter(None, [chart.title, chart.note and f"({chart.note})"])))
+    axes.set_title(", ".join(filter(None, [chart.title, chart.note])))
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
     few_ticks(axes.yaxis)
     if len(axes.get_legend_handles_labels()[1]) > 1:  # the title says what a line alone is

@@ -17,7 +17,7 @@ from testbench.plant.shapes import hull_points, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import SCALE, hexadecimal, look
 from testbench.report.figure import SOFT, _lay_out, forest, headed, labelled, log_ticks, page, say, sweeps
-from testbench.report.run_figure import outlines, overview
+from testbench.report.run_figure import headline, outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
@@ -376,6 +376,14 @@ def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next(
     before = tick.get_markersize()
     headed(figure, "")
     assert tick.get_markersize() == before
+
+
+def test_a_table_with_several_rows_per_model_is_not_drawn():
+    several = Table(COLUMNS, [*MODELS, model("MLS56", "MLS56", "none", 7.0)], headline="error")
+    whole = Table(COLUMNS, MODELS, headline="error")
+    assert headline([several]) is None
+    table, column = headline([several, whole])
+    assert (table.rows, column) == ([MODELS[k] for k in (1, 2, 0)], COLUMNS[1])
 
 
 def test_rows_that_each_add_to_the_one_before_keep_their_order(seen):
