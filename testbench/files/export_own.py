@@ -23,7 +23,7 @@ from testbench.files.robot.robot import MAX_BYTES, Body, ImportedJoint, Robot, p
 from testbench.files.robot.urdf import read_tree
 from testbench.identify.absolute.state import ArmState
 from testbench.model.kinematics import urdf_link_poses
-from testbench.model.vjm import Vjm, evaluate_chain, move_virtual_joint, rotation_about_axis, skew
+from testbench.model.vjm import Vjm, evaluate_chain, move_virtual_joint, rotation_matrices, skew
 
 # --- A robot's URDF as text: only the origins of joints are replaced, every other character stays -----------
 
@@ -252,7 +252,7 @@ def _bent(pose: Array, frame: Array, theta: Array) -> Array:
 
 
 def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:
-    return _pose(np.eye(3), by * axis) if prismatic else _pose(rotation_about_axis(axis, by), np.zeros(3))
+    return _pose(np.eye(3), by * axis) if prismatic else _pose(rotation_matrices(by * axis), np.zeros(3))
 
 
 def _pose(R: Array, p: Array) -> Array:
@@ -588,7 +588,7 @@ def onto_axis(frame: Array, theirs: Array, ours: Array, *, slide: bool) -> Array
     sine = float(np.linalg.norm(across))
     found = frame.copy()
     if sine > 0:
-        found[:3, :3] = rotation_about_axis(across / sine, float(np.arctan2(sine, d @ ours))) @ found[:3, :3]
+        found[:3, :3] = rotation_matrices(np.arctan2(sine, d @ ours) * across / sine) @ found[:3, :3]
     if not slide:
         found[:3, 3] = (ours @ found[:3, 3]) * ours
     return found

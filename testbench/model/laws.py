@@ -113,6 +113,8 @@ class Stiffening:
     def deflection(self, nominal: NominalDeflections) -> Array:
         """Compute the deflection f(x_1) - x_1 - (f(x_0) - x_0) that a stiffening spring adds to a linear one.
 
+        f(x) solves f + beta f^3 / phi^2 = x.
+
         Mathematics: `law-3`.
 
         Args:
@@ -181,8 +183,8 @@ class Backlash:
 class Friction:
     """Describe friction that holds the joint: -h clip((x_1 - x_0) / h, -1, 1), h half the hysteresis loop.
 
-    It holds back no more than the deflection itself. For a load that was put on in the pose and then taken
-    off the full width counts, because the joint was held back both times.
+    It holds back no more than the deflection itself. If a load was put on in the pose and then taken off, 2 h
+    replaces h, because friction held the joint back both times.
     """
 
     unit: float = UNIT_FRICTION_RAD

@@ -266,14 +266,14 @@ class Structure(Displayed):
         return self.C_theta_of(np.where(self.fills_two_entries, gradient / 2, gradient))
 
     def select_parameters(self, indices: Ids, name: str) -> "Structure":
-        """Keep some parameters; the dropped ones become zero.
+        """Make a structure whose parameters are some of this one's; the others become known zeros.
 
         Args:
             indices: Indices of the parameters to keep, (k,).
             name: Name of the new structure.
 
         Returns:
-            The structure with k parameters, in the order of columns.
+            The structure with k parameters, in the given order.
         """
         return replace(self, name=name, rows=self.rows[indices], columns=self.columns[indices])
 

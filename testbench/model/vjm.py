@@ -385,20 +385,6 @@ def move_virtual_joint(position: Array, beam_axes: Array, theta: Array) -> tuple
     return position, hinges, beam_axes
 
 
-def rotation_about_axis(axis: Array, angle: float) -> Array:
-    """Compute the rotation about a unit axis by an angle, by Rodrigues' formula 1 + sin W + (1 - cos) W^2.
-
-    Args:
-        axis: Unit axis, (3,) [1].
-        angle: Angle [rad].
-
-    Returns:
-        Rotation matrix, (3, 3) [1].
-    """
-    W = skew(axis)
-    return np.asarray(np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W)
-
-
 def skew(vectors: Array) -> Array:
     """Build the matrices W of vector products, W x = v x x, (..., 3, 3), of vectors v, (..., 3).
 
@@ -603,12 +589,12 @@ def rotation_matrices(rotation_vectors: Array) -> Array:
     """Compute rotation matrices exp([r]_x) of rotation vectors by Rodrigues' formula.
 
     Args:
-        rotation_vectors: Rotation vectors r, (points, 3) [rad].
+        rotation_vectors: Rotation vectors r, (..., 3) [rad].
 
     Returns:
-        Rotation matrices, (points, 3, 3) [1].
+        Rotation matrices, (..., 3, 3) [1].
     """
-    angle = np.linalg.norm(rotation_vectors, axis=1)[:, None, None]
+    angle = np.linalg.norm(rotation_vectors, axis=-1)[..., None, None]
     K = skew(rotation_vectors)
     half = np.sinc(angle / (2 * np.pi))
     return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + half**2 / 2 * K @ K)
@@ -712,7 +698,7 @@ def random_poses(
         count: Number of poses to return.
         is_collision_free: Function that tells which poses, (poses, n) [rad, m], are free of collision,
             (poses,).
-        rng: Source of the poses.
+        rng: Random number generator.
 
     Returns:
         Actuated joints, (count, n) [rad, m], in the order in which they were drawn.

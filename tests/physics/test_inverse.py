@@ -6,7 +6,7 @@ from serial_arms import write_arm
 
 from testbench.correct.compensated import POSE_TOLERANCE, joints_along_path, solve_inverse_kinematics
 from testbench.correct.newton import Target
-from testbench.model.vjm import rotation_about_axis, tool_poses
+from testbench.model.vjm import rotation_matrices, tool_poses
 from testbench.workflows.cell import build_cell
 
 
@@ -78,6 +78,6 @@ def test_a_joint_at_its_limit_stays_there_and_through_a_stretched_wrist_joints_a
     position, R = tool_poses(vjm, q)
     found = joints_along_path(vjm, position, R, start=q[0])
     np.testing.assert_allclose(found.q, q, rtol=0, atol=1e-6)
-    beside = rotation_about_axis(np.array([0.0, 1.0, 0.0]), 1e-4) @ R
+    beside = rotation_matrices(np.array([0.0, 1e-4, 0.0])) @ R
     found = joints_along_path(vjm, position, beside, start=q[0])
     assert found.converged.all()

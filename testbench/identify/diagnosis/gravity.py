@@ -36,7 +36,7 @@ from testbench.identify.registration import Frame
 from testbench.model.kinematics import body_pose
 from testbench.model.load import first_order_deflection, own_weight_load, read_body_masses
 from testbench.model.structure import joints_only
-from testbench.model.vjm import Vjm, evaluate_chain, rotation_about_axis
+from testbench.model.vjm import Vjm, evaluate_chain, rotation_matrices
 
 DOWN = np.array([0.0, 0.0, -1.0])
 MAX_WEIGHT_ANGLE = np.deg2rad(1.0)  #: Largest angle between a weight and the vertical [rad].
@@ -83,7 +83,8 @@ def rotation_from_down(g: Array) -> Array:
     """Compute the smallest rotation from -z to the unit vector g, (3, 3); half a turn about x for +z."""
     axis = np.cross(DOWN, g)
     size = float(np.linalg.norm(axis))
-    return rotation_about_axis(axis / size if size > ROUNDING_ERROR else np.eye(3)[0], angle_between(DOWN, g))
+    unit = axis / size if size > ROUNDING_ERROR else np.eye(3)[0]
+    return rotation_matrices(angle_between(DOWN, g) * unit)
 
 
 def angle_between(a: Array, b: Array) -> float:
