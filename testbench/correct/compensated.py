@@ -263,10 +263,8 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
     Returns:
         Different solutions within the limits, (solutions, n) [rad, m].
     """
-    seeds, (lower, upper) = (
-        vjm.arm.draw_poses(np.random.default_rng(0), N_START_CONFIGURATIONS),
-        vjm.arm.limits,
-    )
+    seeds = vjm.arm.draw_poses(np.random.default_rng(0), N_START_CONFIGURATIONS)
+    lower, upper = vjm.arm.limits
     target = Target(
         np.tile(position, (N_START_CONFIGURATIONS, 1)), np.tile(rotation, (N_START_CONFIGURATIONS, 1, 1))
     )
@@ -365,10 +363,8 @@ def _solve_from_predecessors(
     """
     while len(unsolved):
         # solve from the pose before; where that changes a pose, the pose after it must be solved again
-        reached, old = (
-            solve_inverse_kinematics(vjm, select_rows(target, unsolved), guess.q[unsolved - 1]),
-            select_rows(guess, unsolved),
-        )
+        reached = solve_inverse_kinematics(vjm, select_rows(target, unsolved), guess.q[unsolved - 1])
+        old = select_rows(guess, unsolved)
         moved = np.abs(reached.q - old.q).max(axis=1) > SAME_CONFIGURATION_TOLERANCE
         nearer = reached.distance_error + reached.angle_error * vjm.reach < MAX_REMAINING_ERROR_SHARE * (
             old.distance_error + old.angle_error * vjm.reach

@@ -259,10 +259,8 @@ def linear_model_error(
     where, after = evaluate_chain(model.vjm, poses.q), poses.solve_equilibrium(state)
     u = sum_generalised_loads(where, loads)
     if poses.with_own_weight:
-        (position, rotation), u = (
-            tool_poses(model.vjm, poses.q),
-            u + own_weight_load(where, state.body_masses),
-        )
+        position, rotation = tool_poses(model.vjm, poses.q)
+        u = u + own_weight_load(where, state.body_masses)
     else:
         before = unloaded_poses.solve_equilibrium(state)
         position, rotation = before.position, before.rotation
@@ -553,9 +551,8 @@ def process_wrench(
         if len(bad):
             place = point_names[bad[0]] if point_names else f"point {bad[0] + 1}"
             raise BenchError(f"{place}: no direction for its {name} force: {why}")
-    force = (
-        force_components[:, :1] * feed + force_components[:, 1:2] * across + force_components[:, 2:] * spindle
-    )
+    f = force_components
+    force = f[:, :1] * feed + f[:, 1:2] * across + f[:, 2:] * spindle
     return np.hstack([force, np.zeros_like(force)])
 
 

@@ -144,10 +144,8 @@ class Dataset(Displayed):
         """
         if self.direction is None:
             return ~self.is_measured
-        along, placed = (
-            np.asarray(self.direction.any(axis=2)),
-            np.asarray(self.is_measured & ~self.is_line_reading),
-        )
+        along = np.asarray(self.direction.any(axis=2))
+        placed = np.asarray(self.is_measured & ~self.is_line_reading)
         tracked = np.asarray(placed.any(axis=1) | ~along.any(axis=1))[:, None]
         return np.asarray(~self.is_measured & (along | (tracked & placed.any(axis=0))))
 
@@ -468,14 +466,12 @@ class Series(Displayed):
     distance: Array | None = None
     #: Stated fixed point of distances, or stated point of the plane, world [m]; None without distances.
     fixed_point: tuple[float, float, float] | None = None
-    fixed_point_sigma: float = (
-        NOMINAL_FIXED_POINT_DEVIATION  #: Standard deviation of the stated point along each axis [m].
-    )
+    #: Standard deviation of the stated point along each axis [m].
+    fixed_point_sigma: float = NOMINAL_FIXED_POINT_DEVIATION
     #: Stated normal of the plane towards the targets, unit vector, world axes [1]; None for a fixed point.
     normal: tuple[float, float, float] | None = None
-    normal_sigma: float = (
-        NOMINAL_NORMAL_DEVIATION  #: Standard deviation of the stated normal about each axis [rad].
-    )
+    #: Standard deviation of the stated normal about each axis [rad].
+    normal_sigma: float = NOMINAL_NORMAL_DEVIATION
     #: Standard deviation of an unknown offset that all distances from the fixed point share [m]; 0 for none.
     distance_offset_sigma: float = 0.0
     #: Name and unit of every joint's column in the file of the series, in the arm's order.

@@ -147,10 +147,8 @@ class Posterior(Displayed):
         if not len(self.unobservable_directions):
             return total, prior
         size = np.linalg.norm(a * self.typical_sizes, axis=1)
-        unobservable = (
-            np.linalg.norm(a @ self.unobservable_directions.T, axis=1) > MAX_UNOBSERVABLE_SHARE * size
-        )
-        return np.where(unobservable, np.inf, total), prior
+        along = np.linalg.norm(a @ self.unobservable_directions.T, axis=1)
+        return np.where(along > MAX_UNOBSERVABLE_SHARE * size, np.inf, total), prior
 
     def half_widths(self, functionals: Array, confidence: float = CONFIDENCE) -> Array:
         """Compute half widths of confidence intervals of linear functionals a of the unknowns.
@@ -398,17 +396,15 @@ def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
     """Mix posteriors by probability about a common mean; some lack the last unknowns, sizes of joint laws."""
     noise, heavy = [], []
     for p, posterior in parts:
-        rows, first = (
-            np.zeros((len(posterior.covariance_root) + 1, len(pi))),
-            len(posterior.covariance_root) - posterior.n_prior_rows,
-        )
-        rows[:-1, : len(posterior.mean)], rows[-1] = posterior.covariance_root, pi
-        rows[-1, : len(posterior.mean)] -= posterior.mean
+        root, n = posterior.covariance_root, len(posterior.mean)
+        rows, first = np.zeros((len(root) + 1, len(pi))), len(root) - posterior.n_prior_rows
+        rows[:-1, :n], rows[-1] = root, pi
+        rows[-1, :n] -= posterior.mean
         noise.append(math.sqrt(p) * rows[:first])
         heavy.append(math.sqrt(p) * rows[first:])
     widest = max((member for _, member in parts), key=lambda member: len(member.mean))
-    root, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
-    return replace(widest, mean=pi, covariance_root=np.vstack([root, prior]), n_prior_rows=len(prior))
+    R, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
+    return replace(widest, mean=pi, covariance_root=np.vstack([R, prior]), n_prior_rows=len(prior))
 
 
 def _noise_and_prior_roots(

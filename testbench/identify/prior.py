@@ -324,10 +324,8 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
         )
     row, column = structure.upper_triangles
     root = _root(aggregate_left_out_joints(P, vjm, structure), prior, structure)
-    L, expected = (
-        np.zeros((structure.n_parameters, structure.n_parameters)),
-        np.where(row == column, 1.0, 0.0),
-    )
+    L = np.zeros((structure.n_parameters, structure.n_parameters))
+    expected = np.where(row == column, 1.0, 0.0)
     for group in structure.block_groups:
         parameters = structure.parameter_of_entry[group.triangle_indices]
         L[parameters[:, :, None], group.triangle_indices[:, None, :]] = _congruences(root[group.index_arrays])

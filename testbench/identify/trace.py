@@ -258,10 +258,8 @@ def learn_trace_penalty(vjm: Vjm, equations: GroupedRegression | Regression) -> 
         block.
     """
     penalty = trace_penalty(vjm, equations.structure, 1.0)
-    s, readings = (
-        penalty.structure,
-        gram_matrices(equations, block_diag(penalty.pi_per_split_parameter, np.eye(1))),
-    )
+    s = penalty.structure
+    readings = gram_matrices(equations, block_diag(penalty.pi_per_split_parameter, np.eye(1)))
     # Gram matrices of all readings and of what every fold fits; models with rigid links.
     G = np.concatenate([[readings.total], readings.total - readings.held_out])
     rigid = np.array([_fit_joints_only(s, gram) for gram in G])
