@@ -182,7 +182,7 @@ class LargestCriterion:
         values = np.zeros(len(rows))
         first = np.arange(len(rows))
         if len(rows) > MAX_EXACT_CANDIDATES:
-            gain = candidate_gains(M, rows, self._weighted(M, self.costs(M))).trace_reductions()
+            gain = candidate_gains(M, rows, self._weighted(M, self.costs(M))).cost_reductions()
             first = np.argpartition(-gain, MAX_EXACT_CANDIDATES)[:MAX_EXACT_CANDIDATES]
         few = rows[first]
         # exact costs of the best ones; all others keep 0
@@ -337,9 +337,9 @@ class CandidateGains:
 
     def phi_with_candidate(self) -> Array:
         """Compute Phi = 1 / tr(W M^-1) with one more candidate, for every candidate, (candidates,)."""
-        return np.asarray(1 / ((self.I * self.W).sum() - self.trace_reductions()))
+        return np.asarray(1 / ((self.I * self.W).sum() - self.cost_reductions()))
 
-    def trace_reductions(self) -> Array:
+    def cost_reductions(self) -> Array:
         """Compute the reduction tr(K^-1 N) of tr(W M^-1) by one more candidate, for each, (candidates,).
 
         All candidates are eliminated together, row by row: LAPACK, one by one, takes three times as long.
@@ -374,22 +374,23 @@ def candidate_gains(M: Array, rows: Array, W: Array) -> CandidateGains:
 
 
 def update_gains(gains: CandidateGains, M: Array, changed_rows: Array, signs: Array) -> CandidateGains:
-    """Update what each candidate would reduce tr(W M^-1) by, after M gained or lost rows (Woodbury).
+    """Update the gains of all candidates after M gained or lost rows, by Woodbury's formula.
 
-    With the rows f, their signs D, U = I f^T, V = I W U and S = D + f U, the new inverse is I - U S^-1 U^T.
-    So K and N of every candidate change by products of F U and F V, which are as narrow as f. Where updates
-    would lose too many digits, all is computed from M.
+    The gain of a candidate with whitened rows F is the reduction of tr(W M^-1), by I = M^-1, K = 1 + F I F^T
+    and N = F I W I F^T. With the changed rows f, their signs D, U = I f^T, V = I W U and S = D + f U, the new
+    inverse is I - U S^-1 U^T. So K and N change by products of F U and F V, which are as narrow as f. If
+    updates would lose too many digits, all is computed from M.
 
     Mathematics: `pose-7`.
 
     Args:
-        gains: Gains at the information matrix before the change.
+        gains: Gains of all candidates before the change of M.
         M: Information matrix after the change, (r, r) [1].
         changed_rows: Whitened rows f that M gains or loses, (k, r).
         signs: 1 for a row that M gains, -1 for one that it loses, (k,).
 
     Returns:
-        Gains at M.
+        Gains of all candidates at M.
     """
     U = gains.I @ changed_rows.T
     S = np.diag(signs) + changed_rows @ U

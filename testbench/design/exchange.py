@@ -665,8 +665,8 @@ def most_informative_gauges(rows: Array, Z: Array, n_gauges: int) -> tuple[Ids, 
         n_gauges: Number of gauges that are read in a pose.
 
     Returns:
-        Markers and axes, (poses, count) each, and the sensitivity <Z, F^T F> of the poses with these gauges,
-        (poses,).
+        Markers and axes, (poses, n_gauges) each, and the sensitivity <Z, F^T F> of the poses with these
+        gauges, (poses,).
     """
     sensitivities = sensitivity(rows.reshape(-1, 1, rows.shape[-1]), Z).reshape(rows.shape[:3])
     best = sensitivities.max(axis=2)

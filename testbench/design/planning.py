@@ -604,7 +604,7 @@ def observability(problem: DesignProblem, chosen: Ids) -> Observability:
 
 
 N_RANDOM_PLANS = 200  #: Number of random plans of every number of poses that a plan is compared with.
-POSE_COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses of greedy and random plans.
+BASELINE_POSE_COUNTS = (4, 6, 8, 12, 16, 20, 30, 40)  #: Numbers of poses of greedy and random plans.
 
 
 @dataclass(frozen=True)
@@ -677,7 +677,7 @@ def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.rand
             ]
         )
 
-    counts = sorted({*POSE_COUNTS, spec.n_poses})
+    counts = sorted({*BASELINE_POSE_COUNTS, spec.n_poses})
     order = greedy_plan(problem, plan.criterion, problem.rows, counts[-1])
     return Baselines(
         greedy_errors=errors(order[: k + 1] for k in range(len(order))),

@@ -23,7 +23,7 @@ evidence under the prior that was learnt without it; it is 0 unless the evidence
 much in new poses, so this variance is added to that of predictions.
 
 `LinksVersusJointsOnly` compares links with joints only in poses that are left out of the fit. The evidence
-trusts the prior's form; for links ten times stiffer than the folder's it may prefer a model that fits noise.
+trusts the prior's form; for links ten times stiffer than the prior's it may prefer a model that fits noise.
 So where the evidence is not overwhelming, links count only if they predict the poses left out better than
 joints only, by a paired test. Links that vary from pose to pose count unless they predict these poses worse.
 """
@@ -65,7 +65,7 @@ MAX_VARIATION_EVIDENCE_LOSS = 1.5
 """Log evidence that a larger rho may be below the best: the learnt prior already explains some of the
 variation."""
 ROW_ROUNDING = 1e-9
-"""Rows below this share of the largest are rounding [1]."""
+"""Size of a row over the largest one in a pose, below which it is only rounding [1]."""
 
 
 # --- Links that vary from pose to pose ----------------------------------------------------------------------
@@ -193,53 +193,56 @@ def _readings(poses: list[tuple[Array, Array]]) -> list[Array]:
 
 
 JOINTS_ONLY_PRIOR_ODDS = 10.0
-"""Prior odds of joints only to links and joints: both weigh the same where the readings make links ten times
-more probable.
+"""Prior odds of joints only to links and joints: both have the same weight if the readings make links ten
+times more probable.
 
-With odds of three, 4 of 54 arms whose links are 10, 30 or 100 times stiffer than the folder's err more than 5
-% more than joints only; with these odds none does. Other kinds of arms do not change (`kr500_l480`, seeds
-740001 to 740018, 8 poses)."""
+With odds of 3, 4 of 54 arms whose links are 10, 30 or 100 times stiffer than the prior's have errors more
+than 5 % above those of joints only; with odds of 10 none has. Other kinds of arms do not change
+(`kr500_l480`, seeds 740001 to 740018, 8 poses)."""
 LINEAR_JOINTS_PRIOR_ODDS = 10.0
-"""Prior odds of linear joints to joint laws. With even odds 18 % of the undisturbed arms of the family lose
-more than 5 %, with these 5 %. Results of disturbed arms do not change (`kr500_l480`, seeds 1 to 40, 8
-poses)."""
+"""Prior odds of linear joints to joint laws. With even odds the error of 18 % of the undisturbed arms of the
+family rises by more than 5 %, with odds of 10 that of 5 %. Results of disturbed arms do not change
+(`kr500_l480`, seeds 1 to 40, 8 poses)."""
 BEAM_LIKE_LINKS_PRIOR_ODDS = 20.0
-"""Prior odds of links as coupled as the prior's to softened ones. They lower the error of coupled links and
-soft bearings by a tenth, and raise that of undisturbed arms of the family by 1 %; odds of 3 raise it by 5 %.
+"""Prior odds of links coupled as in a beam to links with weaker couplings. They lower the error of coupled
+links and soft bearings by a tenth, and raise that of undisturbed arms of the family by 1 %; odds of 3 by 5 %.
 Coverage in the worst tenth rises by 1 to 3 points for all kinds (`kr500_l480`, seeds 1 to 40, 8 poses)."""
 UNCOUPLED_JOINTS_PRIOR_ODDS = 10.0
-"""Prior odds of joints that turn by their own torque only to coupled joints. With them coupled joints weigh
-less than `MIN_MODEL_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`, seeds
-5000 to 5018, 8 poses), and more than half in 11 of 12 arms with coupled neighbours (seeds 9000 to 9011)."""
+"""Prior odds of joints that move by their own torque alone to coupled joints. With them coupled joints have a
+weight below `MIN_MODEL_PROBABILITY` in all of 19 arms of the family with all disturbances (`kr500_l480`,
+seeds 5000 to 5018, 8 poses), and above one half in 11 of 12 arms with coupled neighbours (seeds 9000 to
+9011)."""
 POSE_VARIATION_QUANTILE = 0.975
-"""Quantile at which the variation of links in new poses is as wide as that of Student's distribution. Its
-degrees of freedom are the number of poses less one, because the variation is learnt from these poses."""
+"""Probability at which the normal variation of links in new poses gets the quantile of Student's distribution
+[1]. Its degrees of freedom are the number of poses less one: the variation is learnt from these poses."""
 MIN_JOINTS_ONLY_WEIGHT, JOINTS_ONLY_WEIGHT_IF_UNSURE = 0.33, 0.5
-"""Weight of joints only if links vary from pose to pose: a few poses do not show how links vary in others.
-The second applies if links do not surely predict the poses left out better.
+"""Weights of joints only if links vary from pose to pose [1]: a few poses do not determine how links vary in
+others. The first applies if links predict the poses left out better by a paired test, the second if neither
+model does.
 
-With both, and with poses left out, four of nine such arms that erred more than 5 % more than joints only
-still do, and 34 others err 3 % more (`kr500_l480`, seeds 770001 to 770048 and 793001 to 793012, 8 poses)."""
+With both, four of nine such arms that erred more than 5 % more than joints only still do, and 34 others err
+3 % more (`kr500_l480`, seeds 770001 to 770048 and 793001 to 793012, 8 poses)."""
 DECISIVE_LOG_EVIDENCE = 15.0
-"""Log evidence of links over joints only beyond which no poses are left out to compare them. Eight poses are
-few: of 16 arms of the family, cast and coupled ones, two do not surely predict them better, and without links
-err 2.5 times as much; their log evidence is 30 to 136. For five arms with links 10 times stiffer that are
-worse than joints only it is 4, 5, 7, 12 and 23 (`kr500_l480`, seeds 793001 to 793006, 770015 to 770044, 8
-poses)."""
-NEGLIGIBLE_JOINTS_ONLY_WEIGHT = 0.01  #: Weight below which joints only are left out.
+"""Log evidence of links over joints only beyond which the two are not compared in poses left out of the fit.
+Eight poses are few: for 2 of 16 arms of the family, cast and coupled ones, the paired test does not decide
+for links, although their errors without links are 2.5 times as large; their log evidence is 30 to 136. For
+five arms with links 10 times stiffer than the prior's, whose fits with links are worse than joints only, it
+is 4, 5, 7, 12 and 23 (`kr500_l480`, seeds 793001 to 793006, 770015 to 770044, 8 poses)."""
+NEGLIGIBLE_JOINTS_ONLY_WEIGHT = 0.01  #: Weight below which joints only are not part of an average [1].
 INTERVAL_ODDS_EXPONENT = 0.5
-"""Exponent of the odds of models, even prior odds included, in intervals: Laplace's evidence of few readings
-is uncertain. It raises the coverage in the worst tenth of disturbed arms from 78 to 84 % (seeds 1 to 40, 11
-poses); for the two priors by 0 to 3 points. Where links are 30 or 100 times stiffer, intervals that include
-joints only are 40 % narrower and cover 97 % (seeds 740001 to 740012, 8 poses)."""
+"""Exponent of the odds of models in intervals, where their prior odds are even [1]: Laplace's evidence of few
+readings is uncertain. It raises the coverage in the worst tenth of disturbed arms from 78 to 84 % (seeds 1 to
+40, 11 poses); for the two priors by 0 to 3 points. Where links are 30 or 100 times stiffer than the prior's,
+intervals that include joints only are 40 % narrower and cover 97 % (seeds 740001 to 740012, 8 poses)."""
 JOINTS_ONLY_ODDS_EXPONENT = 0.25
-"""Exponent of the odds of joints only in intervals, if joints only are more probable. Links that the readings
-do not show still move other poses. It raises the coverage in the worst tenth from 70 to 79 % for arms whose
-links are 10 times stiffer, and from 86 to 90 % for links 30 and 100 times stiffer; intervals are 7 to 12 %
-wider (`kr500_l480`, seeds 792101 to 792212 and the eleven of 770001 to 770049 with the worst coverage, 8
-poses)."""
+"""Exponent of the odds of joints only in intervals, if joints only are more probable [1]: links that change
+no reading still deflect in other poses. It raises the coverage in the worst tenth from 70 to 79 % for arms
+whose links are 10 times stiffer than the prior's, and from 86 to 90 % for links 30 and 100 times stiffer;
+intervals are 7 to 12 % wider (`kr500_l480`, seeds 792101 to 792212 and the eleven of 770001 to 770049 with
+the worst coverage, 8 poses)."""
 MIN_MODEL_PROBABILITY = 0.05
-"""Probability, and weight, below which a model is left out; above one minus it, it is taken alone."""
+"""Probability, and weight, below which a model is not part of an average, and above one minus which it is
+alone [1]."""
 
 
 # --- The average of the default -----------------------------------------------------------------------------

@@ -190,7 +190,8 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
         h: Hyperparameters, logarithms, (m,) [1].
 
     Raises:
-        BenchError: When the equations leave an unknown undetermined, or rounding makes P indefinite.
+        BenchError: When the equations leave an unknown undetermined, or rounding makes the precision P
+            indefinite.
     """
     kinds, D = len(model.equation_counts), model.log_deviation_rows
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])

@@ -593,7 +593,7 @@ class _Newton:
 
     @cached_property
     def roots(self) -> list[Array]:
-        """Return Cholesky factors of `inner`, (rank, rank) each."""
+        """Compute the Cholesky factor of 1 + S S^T of every problem, (rank, rank) each."""
         return [dpotrf(matrix, lower=1)[0] for matrix in self.inner]
 
     @classmethod

@@ -152,7 +152,7 @@ def test_candidates_in_several_blocks_are_judged_as_each_alone():
     M, W = np.eye(4) + root.T @ root, np.diag([1.0, 2.0, 3.0, 4.0])
     cost = np.trace(np.linalg.solve(M, W))
     gains = [cost - np.trace(np.linalg.solve(M + F.T @ F, W)) for F in rows]
-    assert candidate_gains(M, rows, W).trace_reductions() == pytest.approx(
+    assert candidate_gains(M, rows, W).cost_reductions() == pytest.approx(
         np.array(gains), rel=1e-9
     )  # rounding
     assert sensitivity(rows, W) == pytest.approx(np.array([np.trace(W @ F.T @ F) for F in rows]), rel=1e-12)
