@@ -229,7 +229,7 @@ def test_the_picture_of_solvers_has_time_and_bound_of_each_in_its_colour():
     rows = found.numbers["solvers"]
     looks = [solver_comparison.LOOKS[row.key] for row in rows]
     times, bounds = solver_comparison.STUDY.figures(found)["solver_comparison.png"].axes
-    first = place_of(found, [row.key for row in rows])
+    first = place_of(found, [row.solver for row in rows])
     check_forest(times, [row.seconds_to_1_percent for row in rows], looks, "s", first)
     check_forest(bounds, [row.relative_excess_bound for row in rows], looks, None, first)
     assert [key for key, own in solver_comparison.LOOKS.items() if own.colour == GCO] == ["d"]

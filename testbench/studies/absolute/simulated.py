@@ -568,7 +568,7 @@ def _report(asked: AbsoluteSettings, seeds: range, trials: Trials) -> Report:
     badge = of_rivals(
         trials.where(poses=asked.featured, true_arm=REAL, campaign=ABSOLUTE),
         CHOSEN,
-        [INCUMBENT, GEOMETRY],
+        [name for name in MODELS if name != CHOSEN],
         "error_mm",
         f"trial of {listed(f.arms)}",
     )
