@@ -15,7 +15,7 @@ from testbench.errors import InputError, read_text, shorten
 
 DECIMAL_PATTERN = re.compile(r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$")
 """Pattern of a decimal number, with a point as decimal mark."""
-INTEGER_PATTERN = re.compile(r"^[+-]?[0-9]{1,19}$")
+INTEGER_PATTERN = re.compile(r"^[+-]?[0-9]{1,19}$")  #: Pattern of an integer of up to 19 digits.
 NUMBER_EXAMPLES = "such as 12, -0.5 or 2e-3"  #: Examples of numbers, for error messages.
 MAX_DECIMAL_CHARACTERS = 400  #: Most characters of a number: 17 digits hold all that a double does.
 
@@ -51,7 +51,7 @@ def read_decimals(texts: Iterable[str]) -> list[float]:
 
 MAX_TOML_BYTES = 16_000_000  #: Largest TOML file in which the place of a key is found [byte].
 TABLE_HEADER_PATTERN = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]")
-KEY_PATTERN = re.compile(r"\s*([\w.-]+)\s*=")
+KEY_PATTERN = re.compile(r"\s*([\w.-]+)\s*=")  #: Pattern of the key in a line of TOML.
 
 KeyPath = tuple[str | int, ...]
 """Keys of nested tables, and indices into arrays from 0."""

@@ -188,7 +188,7 @@ COMPENSATOR_RANGES = {
 NumberOrigin = Literal["published", "inferred", "assumed", "estimated"]
 """Origin of a number in elastic.toml."""
 
-Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]  #: List of three numbers.
 Value = TypeVar("Value")
 Unit = TypeVar("Unit")
 
@@ -202,7 +202,7 @@ class Quantity(StrictModel, Generic[Value, Unit]):
     unit: Unit  #: Unit of the number, as text.
 
 
-Length = Quantity[float, Literal["m"]]
+Length = Quantity[float, Literal["m"]]  #: Length in metres.
 
 
 class TubeEntry(StrictModel):

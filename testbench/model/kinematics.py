@@ -29,7 +29,7 @@ from testbench.model.vjm import Vjm
 
 # --- Kinematics of the rigid arm ----------------------------------------------------------------------------
 
-ORIENTATION_ATTRIBUTES = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
+ORIENTATION_ATTRIBUTES = ("quat", "axisangle", "euler", "xyaxes", "zaxis")  #: MJCF attributes of a rotation.
 URDF_PLACEMENT_ELEMENTS = ("origin", "parent", "child", "axis")  #: Elements of a URDF's joint that place it.
 MIN_DIRECTION_LENGTH = 1e-10  #: Least length of a vector that gives a direction [unit of the vector].
 

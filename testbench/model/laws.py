@@ -258,9 +258,8 @@ joint_laws: Registry[JointLaw] = Registry(
 
 # --- Joint laws of an arm -----------------------------------------------------------------------------------
 
-UNIT_COMPENSATOR_STIFFNESS = (
-    0.3  #: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
-)
+#: Stiffness K of a compensator of size one over the stiffness of joint 2 [1].
+UNIT_COMPENSATOR_STIFFNESS = 0.3
 UNIT_COMPENSATOR_RELIEF = UNIT_COMPENSATOR_STIFFNESS / (1 + UNIT_COMPENSATOR_STIFFNESS)
 """Largest fraction of joint 2's deflection that a compensator of size one prevents, K / (1 + K) [1]."""
 COMPENSATOR_SIZE_PRIOR = 0.05, 1.5

@@ -20,7 +20,7 @@ from testbench.arm.folder import Arm
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_type, some_of
 
-EntryPairs = tuple[tuple[int, int], ...]
+EntryPairs = tuple[tuple[int, int], ...]  #: Rows and columns of entries of a 6x6 compliance, from 0.
 
 FULL_ENTRIES: EntryPairs = tuple((a, b) for b in range(6) for a in range(b + 1))
 """All 21 entries of a symmetric 6x6 compliance."""

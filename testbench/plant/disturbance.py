@@ -118,9 +118,8 @@ def gear_error(coefficients: GearErrorCoefficients, q: Array) -> Array:
 class GeometryErrors:
     """Describe the sizes of random errors of the frames of all joints and of the tool, true minus nominal."""
 
-    position_sigma: (
-        float  #: Standard deviation of a frame's position, along each axis of the link before it [m].
-    )
+    #: Standard deviation of a frame's position, along each axis of the link before it [m].
+    position_sigma: float
     angle_sigma: float  #: Standard deviation of a frame's rotation, about each of its own axes [rad].
 
     def __post_init__(self) -> None:
@@ -155,9 +154,8 @@ class Disturbances:
     backlash: float = 0.0
     #: Half-width of the hysteresis loop of every joint [rad], by friction in its gear.
     hysteresis: float = 0.0
-    foundation_factor: float = (
-        0.0  #: Compliance of the foundation over `FOUNDATION_COMPLIANCE` [1]; 0 if rigid.
-    )
+    #: Compliance of the foundation over `FOUNDATION_COMPLIANCE` [1]; 0 if rigid.
+    foundation_factor: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse negative or infinite sizes, and a mass error below -1, by BenchError."""

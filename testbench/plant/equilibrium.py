@@ -51,9 +51,8 @@ class BodyState:
     #: Rotation, then translation at `reference_point`, per unit of every coordinate, in world axes: MuJoCo's
     #: cdof, (poses, nv, 6) [1, m].
     spatial_jacobian: Array
-    reference_point: (
-        Array  #: Point of the world for which `spatial_jacobian` has the translation, (poses, 3) [m].
-    )
+    #: Point of the world for which `spatial_jacobian` has the translation, (poses, 3) [m].
+    reference_point: Array
     body_positions: dict[int, Array]  #: Position of every body in the world, by body id, (poses, 3) each [m].
     body_rotations: dict[int, Array]  #: World from body, by body id, (poses, 3, 3) each [1].
 
@@ -70,9 +69,8 @@ class ArmCopies:
     qpos: Array  #: Configuration of every copy, (copies, nv) [m, rad].
     #: Rotation, then translation at `reference_point`, per unit of every coordinate, (copies, nv, 6) [1, m].
     spatial_jacobian: Array
-    reference_point: (
-        Array  #: Point of the world for which `spatial_jacobian` has the translation, (copies, 3) [m].
-    )
+    #: Point of the world for which `spatial_jacobian` has the translation, (copies, 3) [m].
+    reference_point: Array
     body_positions: Array  #: Position of the body with id b at index b - 1, (copies, bodies, 3) [m].
     body_rotations: Array  #: World from body, indexed in the same way, (copies, bodies, 3, 3) [1].
 
@@ -210,9 +208,8 @@ class CompensatorState:
     body_ids: tuple[int, int]  #: Ids of the bodies on which the strut is hinged.
     undeflected_length: Array  #: Length of the strut, (poses,) [m].
     C_g: Array  #: C g, (poses, nv).
-    sherman_morrison_row: (
-        Array  #: k g / (1 + k g^T C g), the row of Sherman and Morrison's formula, (poses, nv).
-    )
+    #: k g / (1 + k g^T C g), the row of Sherman and Morrison's formula, (poses, nv).
+    sherman_morrison_row: Array
 
 
 def compensator_bodies(plant: Plant) -> tuple[int, int]:

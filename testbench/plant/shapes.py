@@ -17,7 +17,7 @@ from testbench.plant.rigid_cell import VISUAL_GROUPS, RigidCell
 if TYPE_CHECKING:  # it takes long to import, and few commands draw
     from scipy.spatial import ConvexHull
 
-GeomKind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]
+GeomKind = Literal["sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"]  #: Kinds of geoms.
 
 GEOM_KINDS: dict[int, GeomKind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
@@ -33,9 +33,8 @@ Faces = Ids  #: Corner indices of triangles, (f, 3).
 Surface = tuple[Array, Faces]  #: Corners, (v, 3) [m], and triangles of a surface.
 #: Area of a triangle over the largest one of its surface, below which it is dropped [1].
 MIN_TRIANGLE_AREA_RATIO = 1e-9
-STICK_RADIUS_RATIO = (
-    0.02  #: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
-)
+#: Radius of the sticks of an arm without visual geoms, over the length of its chain [1].
+STICK_RADIUS_RATIO = 0.02
 
 
 @dataclass(frozen=True)

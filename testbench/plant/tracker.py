@@ -170,6 +170,7 @@ TOO_NEAR = "target too near the tracker"
 TOO_FAR = "target too far from the tracker"
 TOO_STEEP = "target too high or low for the tracker"
 FACES_AWAY = "target faces away from the tracker"
+"""Reasons why a tracker cannot read a target, for messages."""
 
 
 MIN_RANGE, MAX_RANGE = 1.0, 20.0  #: Distances from the tracker between which a target can be read [m].
@@ -426,9 +427,8 @@ class PlaneProbe:
     """
 
     sigma: float = 10e-6  #: Standard deviation of one reading [m].
-    flatness_sigma: float = (
-        3e-6  #: Standard deviation of the face's height from a plane, drawn once per pose [m].
-    )
+    #: Standard deviation of the face's height from a plane, drawn once per pose [m].
+    flatness_sigma: float = 3e-6
     fixed_point_sigma: float = 2e-3  #: Standard deviation of the face's stated point along each axis [m].
     tilt_sigma: float = math.radians(0.5)  #: Standard deviation of the face's stated normal [rad].
     max_height: float = 25e-3  #: Largest height that the probe reads, above and below the face [m].
