@@ -120,7 +120,7 @@ def test_calibrate_is_as_sure_of_geometry_and_joints_as_its_errors_are_large(arm
     """All 78 numbers of an arm, in independent directions; then those that the readings tell most of."""
     z, told = [], []
     for _, _, truth, own in arms:
-        unknowns, columns = own.active.unknowns, own.active.columns
+        unknowns, columns = own.active_unknowns.unknowns, own.active_unknowns.columns
         true, found = unknowns.values(true_state(own.state, truth))[columns], posterior_of_calibration(own)
         rigid = np.r_[unknowns.columns("geometry"), unknowns.columns("errors")]
         some = np.isin(columns, rigid) & (true != 0)
@@ -189,7 +189,7 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     by_name = {(one.part, one.name): one for one in calibration_numbers.intervals(own)}
     shift = by_name["geometry", "link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
-    at = own.active.columns.tolist().index(own.active.unknowns.first_columns["geometry"] + 13 - 6)
+    at = own.active_unknowns.columns.tolist().index(own.active_unknowns.unknowns.first_columns["geometry"] + 13 - 6)
     assert shift.half == pytest.approx(
         1e3 * Z * np.linalg.norm(posterior_of_calibration(own).covariance_root[:, at])
     )
