@@ -116,11 +116,11 @@ COMPLETED_METHOD_NAME = "least squares, conservative of equal fit"
 
 @dataclass(frozen=True)
 class EqualFits:
-    """Hold all parameters that fit as well as least squares: pi = unit * (x + N w), with any w."""
+    """Hold all parameters that fit as well as least squares: pi = u * (x + N w) for any w."""
 
-    parameter_units: Array  #: Unit of every parameter, (n,) [m/N, rad/(N m), rad/N].
-    minimum_norm_solution: Array  #: Least squares of minimum norm, in these units, (n,) [1].
-    null_space: Array  #: Basis of the r unobservable directions, orthonormal as matrices, (n, r) [1].
+    parameter_units: Array  #: Units u of all parameters, (n,) [m/N, rad/(N m), rad/N].
+    minimum_norm_solution: Array  #: Least squares x of minimum norm, in these units, (n,) [1].
+    null_space: Array  #: Basis N of the r unobservable directions, orthonormal as matrices, (n, r) [1].
 
 
 def complete_conservatively(regression: Regression) -> Estimate:

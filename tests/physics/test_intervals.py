@@ -189,7 +189,9 @@ def test_intervals_have_names_and_the_units_of_people(arms):
     by_name = {(one.part, one.name): one for one in calibration_numbers.intervals(own)}
     shift = by_name["geometry", "link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
-    at = own.active_unknowns.columns.tolist().index(own.active_unknowns.unknowns.first_columns["geometry"] + 13 - 6)
+    at = own.active_unknowns.columns.tolist().index(
+        own.active_unknowns.unknowns.first_columns["geometry"] + 13 - 6
+    )
     assert shift.half == pytest.approx(
         1e3 * Z * np.linalg.norm(posterior_of_calibration(own).covariance_root[:, at])
     )
