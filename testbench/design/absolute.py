@@ -269,20 +269,21 @@ def candidate_set(setup: AbsoluteSetup, q: Array, n_poses: int, pose_kind: Ids |
     Raises:
         BenchError: When no direction is observable.
     """
-    mean = np.zeros((setup.L.shape[1],) * 2)
-    for batch, own in _batches(q, pose_kind):
-        A = whitened_rows(setup, batch, pose_kind=own).reshape(-1, len(mean))
-        mean += A.T @ A / len(q)
-    # directions in which the information of `n_poses` average candidates exceeds the threshold
-    values, V = np.linalg.eigh(mean)
-    seen = n_poses * values > setup.min_information
-    if not seen.any():
+    # directions of x by the triangular factor of all rows: squares of the rows would lose the weak directions
+    # in the rounding of the strong ones
+    n = setup.L.shape[1]
+    parts = (whitened_rows(setup, batch, pose_kind=own) for batch, own in _batches(q, pose_kind))
+    factors = [np.linalg.qr(part.reshape(-1, n), mode="r") for part in parts]
+    _, s, Vt = np.linalg.svd(np.linalg.qr(np.concatenate(factors), mode="r"))
+    # those in which the information of `n_poses` average candidates exceeds the threshold
+    r = int((n_poses * s**2 / len(q) > setup.min_information).sum())
+    if r == 0:
         raise BenchError("candidates: expected poses that move a target")
-    lift, rest = V[:, seen], V[:, ~seen]
+    lift, rest = Vt[:r].T, Vt[r:].T
     rows = np.concatenate(
         [whitened_rows(setup, batch, pose_kind=own) @ lift for batch, own in _batches(q, pose_kind)]
     )
-    problem = DesignProblem(rows, np.eye(lift.shape[1]), lift, rest @ rest.T, np.zeros((len(V), 0)))
+    problem = DesignProblem(rows, np.eye(r), lift, rest @ rest.T, np.zeros((n, 0)))
     return CandidateSet(q, np.zeros(len(q), dtype=int) if pose_kind is None else pose_kind, problem)
 
 
