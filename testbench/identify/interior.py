@@ -486,7 +486,7 @@ def solve_batch(problems: BatchedProblems, trace_weights: Array) -> tuple[Array,
             if not len(state.at):
                 break
             try:
-                state = _batch_step(state, _Newton.of(state.R, state.x, state.s, groups))
+                state = _batch_step(state, _Newton.of_problems(state.R, state.x, state.s, groups))
             except np.linalg.LinAlgError:
                 sound = _definite(state.x, groups) & _definite(state.s, groups)
                 if sound.all() or not sound.any():
@@ -513,7 +513,7 @@ def effective_parameters(problems: BatchedProblems, x: Array, multipliers: Array
     """
     solved: Mask = np.asarray(np.isfinite(x).all(axis=2))
     fold, groups = np.nonzero(solved)[0], cone.svec_indices_by_order(problems.block_orders)
-    inner = _Newton.of(problems.R[fold], x[solved], multipliers[solved], groups).inner
+    inner = _Newton.of_problems(problems.R[fold], x[solved], multipliers[solved], groups).inner
     numbers = np.full(solved.shape, np.nan)
     numbers[solved] = inner.shape[-1] - np.trace(np.linalg.inv(inner), axis1=1, axis2=2)
     return numbers
@@ -531,7 +531,7 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
     x, s = state.x, state.s
     order = sum(scaling.d.shape[1] * scaling.d.shape[2] for scaling in newton.scalings)
     aim = np.maximum((1 - state.step) ** 2, MIN_TARGET_GAP_SHARE) * np.vecdot(x, s) / order
-    scaled = newton.scaled_back(missing)
+    scaled = newton.scale_gradient(missing)
     wanted = np.empty_like(x)
     sums = []
     for scaling in newton.scalings:  # s is diag d there
@@ -549,7 +549,7 @@ def _batch_step(state: _State, newton: "_Newton") -> _State:
     turned = step[:, None] * np.vecmat(moved, state.R)  # what the step changes of the gradient
     return replace(
         state,
-        x=x + step[:, None] * newton.unscaled(y),
+        x=x + step[:, None] * newton.unscale_step(y),
         s=s + step[:, None] * missing + turned,
         gradient=state.gradient + turned,
         step=step,
@@ -584,12 +584,13 @@ def _start_problems(problems: BatchedProblems, weights: Array, groups: list[Ids]
 
 @dataclass(frozen=True)
 class _Newton:
-    """Solve (1 + S^T S) y = u in scaled coordinates, S = R K."""
+    """Hold the matrices of Newton's equations (1 + S^T S) y = u in scaled coordinates, with S = R K."""
 
-    scalings: list[NesterovToddScaling]  #: Scalings of the blocks of each order.
-    K: list[Array]  #: svec(Y) -> svec(G Y G^T) of their blocks, (problems, blocks, t, t) each.
-    S: Array  #: (problems, rank, n).
-    inner: Array  #: 1 + S S^T, (problems, rank, rank).
+    scalings: list[NesterovToddScaling]  #: Scalings G of the blocks of each order.
+    #: Maps K of svec(Y) to svec(G Y G^T) for the blocks of each order, (problems, blocks, t, t) each.
+    K: list[Array]
+    S: Array  #: R K of every problem, (problems, rank, n).
+    inner: Array  #: 1 + S S^T of every problem, (problems, rank, rank).
 
     @cached_property
     def roots(self) -> list[Array]:
@@ -597,16 +598,16 @@ class _Newton:
         return [dpotrf(matrix, lower=1)[0] for matrix in self.inner]
 
     @classmethod
-    def of(cls, R: Array, x: Array, s: Array, groups: list[Ids]) -> "_Newton":
+    def of_problems(cls, R: Array, x: Array, multipliers: Array, groups: list[Ids]) -> "_Newton":
         """Compute the matrices of a Newton step of many problems.
 
         Args:
-            R: Rows of every problem, (problems, rows, n).
-            x: Points in the cone, (problems, n).
-            s: Multipliers: points in the dual cone, (problems, n).
-            groups: Places of the blocks of each order, (blocks, entries) per order.
+            R: Root of the Gram matrix of every problem, (problems, rank, n).
+            x: svec of positive definite blocks, (problems, n).
+            multipliers: svec of the multipliers of the blocks, positive definite, (problems, n).
+            groups: Indices of the entries of the blocks of each order in x, (blocks, entries) each.
         """
-        scalings = [NesterovToddScaling.of_pairs(at, x, s) for at in groups]
+        scalings = [NesterovToddScaling.of_pairs(at, x, multipliers) for at in groups]
         K, S = [cone.congruence_map(scaling.G) for scaling in scalings], np.empty_like(R)
         for scaling, maps in zip(scalings, K, strict=True):
             if maps.shape[-1] == 1:
@@ -617,43 +618,43 @@ class _Newton:
                 np.matmul(R[:, :, columns], maps[:, k], out=S[:, :, columns])
         return cls(scalings, K, S, S @ S.swapaxes(1, 2) + np.eye(R.shape[1]))
 
-    def scaled_back(self, v: Array) -> Array:
-        """Scale gradients: svec(G^T V G) of svec(V).
+    def scale_gradient(self, gradient: Array) -> Array:
+        """Scale gradients: compute svec(G^T V G) from svec(V).
 
         Args:
-            v: Gradients svec(V), (problems, n).
+            gradient: Gradients svec(V) with respect to x, (problems, n).
 
         Returns:
             Scaled gradients, (problems, n).
         """
-        u = np.empty_like(v)
+        scaled = np.empty_like(gradient)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
-            u[:, scaling.indices] = np.vecmat(v[:, scaling.indices], maps)
-        return u
+            scaled[:, scaling.indices] = np.vecmat(gradient[:, scaling.indices], maps)
+        return scaled
 
-    def unscaled(self, y: Array) -> Array:
-        """Convert scaled steps to steps of x: svec(G Y G^T) of svec(Y).
+    def unscale_step(self, scaled_step: Array) -> Array:
+        """Convert scaled steps to steps of x: compute svec(G Y G^T) from svec(Y).
 
         Args:
-            y: Scaled steps svec(Y), (problems, n).
+            scaled_step: Scaled steps svec(Y), (problems, n).
 
         Returns:
             Steps of x, (problems, n).
         """
-        x = np.empty_like(y)
+        step = np.empty_like(scaled_step)
         for scaling, maps in zip(self.scalings, self.K, strict=True):
-            x[:, scaling.indices] = np.matvec(maps, y[:, scaling.indices])
-        return x
+            step[:, scaling.indices] = np.matvec(maps, scaled_step[:, scaling.indices])
+        return step
 
-    def solve(self, u: Array) -> tuple[Array, Array]:
-        """Solve the scaled Newton equations (1 + S^T S) y = u of all problems.
+    def solve(self, right_side: Array) -> tuple[Array, Array]:
+        """Solve Newton's equations (1 + S^T S) y = u of all problems.
 
         Args:
-            u: Right-hand sides in scaled coordinates, (problems, n).
+            right_side: Right-hand sides u in scaled coordinates, (problems, n).
 
         Returns:
             Scaled steps y, (problems, n), and steps of the residuals R dx, (problems, rank).
         """
-        right = np.matvec(self.S, u)
-        t = np.array([dpotrs(L, row, lower=1)[0] for L, row in zip(self.roots, right, strict=True)])
-        return u - np.vecmat(t, self.S), t
+        products = np.matvec(self.S, right_side)
+        t = np.array([dpotrs(L, row, lower=1)[0] for L, row in zip(self.roots, products, strict=True)])
+        return right_side - np.vecmat(t, self.S), t
