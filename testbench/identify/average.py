@@ -39,7 +39,7 @@ from scipy.special import ndtri, stdtrit
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify.estimate import Constraint, Estimate, ModelAverage, make_estimate
 from testbench.identify.hierarchy import LOG_MISFIT_DEVIATION, joints_only_log_evidence, learn_prior
-from testbench.identify.interior import TINY
+from testbench.identify.interior import SMALLEST_DIVISOR
 from testbench.identify.prior import PriorScaling, WeightedPrior, prior_rows
 from testbench.identify.regression import (
     Regression,
@@ -448,7 +448,7 @@ def joints_only_weight(held_out_errors: tuple[Array, Array] | None, *, links_var
     better = MIN_JOINTS_ONLY_WEIGHT if links_vary else 0.0
     if held_out_errors is None:
         return better
-    with_links, joints_only = np.log(np.maximum(held_out_errors, TINY))
+    with_links, joints_only = np.log(np.maximum(held_out_errors, SMALLEST_DIVISOR))
     gain, error = mean_and_standard_error(joints_only - with_links)
     sure = float(stdtrit(len(with_links) - 1, SELECTION_CONFIDENCE)) * error
     if gain > sure:

@@ -36,7 +36,7 @@ from testbench.identify.estimate import (
     make_estimate,
     sensitivity_units,
 )
-from testbench.identify.interior import TINY, BlockProgram, solve_program
+from testbench.identify.interior import SMALLEST_DIVISOR, BlockProgram, solve_program
 from testbench.identify.regression import Regression, check_symmetric, f_m
 from testbench.model.structure import PAPER_GCO_METHOD, Structure
 
@@ -492,7 +492,7 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
     )
     pi = program.to_pi(clip_negative_eigenvalues(s, solution.unknowns[count:]), n)
     z = np.array(solution.duals[:count])
-    z /= np.maximum(z[:, :1], TINY)  # a dual of the cone: zero where its head is
+    z /= np.maximum(z[:, :1], SMALLEST_DIVISOR)  # a dual of the cone: zero where its head is
     return ConicSolution(pi, solution.seconds, solution.failure, normalise_dual(z[:, 1:-1], -z[:, -1]))
 
 

@@ -60,7 +60,7 @@ SINGULAR_PIVOT = 3e-6
 """Least pivot of a matrix over its largest [1]: the root of the rounding of a Cholesky factorisation."""
 TRACE_ROUNDING = 1e-12
 """Share of a trace by which an eigenvalue may be negative [1]."""
-TINY = 1e-300  #: Number that replaces zero in a division.
+SMALLEST_DIVISOR = 1e-300  #: Number that replaces zero as a divisor.
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class BlockProgram:
         Returns:
             Weights, (K,).
         """
-        return np.ones_like(norms) if self.sum_of_squares else 1 / np.maximum(norms, TINY)
+        return np.ones_like(norms) if self.sum_of_squares else 1 / np.maximum(norms, SMALLEST_DIVISOR)
 
     def misfit(self, norms: Array) -> float:
         """Compute the misfit: the sum of the residuals' norms, or half the sum of their squares.
@@ -195,7 +195,7 @@ def least_squares_on_cone(M: Array, r: Array, block_orders: tuple[int, ...] = ()
     for _ in range(2):  # the second step removes the rounding of the first
         x -= cho_solve(root, M.T @ (M @ x - r))
     if not is_semidefinite(x, block_orders, 0.0):
-        unit = max(float(np.linalg.norm(r)), TINY)
+        unit = max(float(np.linalg.norm(r)), SMALLEST_DIVISOR)
         R = np.asarray(np.linalg.qr(np.c_[M, r] / unit, mode="r"))[:n]
         iterate = solve_program(
             BlockProgram(
@@ -264,7 +264,7 @@ def _initial_iterate(program: BlockProgram) -> Iterate:
     """Start with equal blocks that fit the data best, and multipliers of the gradient's size."""
     identity = np.concatenate([cone.svec(np.eye(size)) for size in program.block_orders])
     moved = program.R @ identity
-    square = max(float((moved**2).sum()), TINY)
+    square = max(float((moved**2).sum()), SMALLEST_DIVISOR)
     size = max(
         np.vdot(moved, program.z) / square, MIN_INITIAL_SIZE * float(np.linalg.norm(program.z)) / square**0.5
     )
@@ -360,7 +360,7 @@ class NesterovToddScaling:
         """
         L = cone.cholesky(cone.smat(x[..., indices]))
         squares, V = cone.eigh(L.swapaxes(-1, -2) @ cone.smat(multipliers[..., indices]) @ L)
-        return cls(indices, L, V, np.sqrt(np.maximum(squares, TINY)))
+        return cls(indices, L, V, np.sqrt(np.maximum(squares, SMALLEST_DIVISOR)))
 
     @cached_property
     def G(self) -> Array:
@@ -413,7 +413,7 @@ class NesterovToddScaling:
         root = 1 / np.sqrt(self.d)
         steps = np.stack([scaled_step, step_sum - scaled_step]) * (root[..., :, None] * root[..., None, :])
         least = cone.eigvalsh(steps)[..., 0].min(axis=(0, -1))
-        return np.asarray(1 / np.maximum(-least, TINY))
+        return np.asarray(1 / np.maximum(-least, SMALLEST_DIVISOR))
 
 
 # --- Least squares with a trace term: many similar problems at once -----------------------------------------
@@ -562,7 +562,7 @@ def _start_problems(problems: BatchedProblems, weights: Array, groups: list[Ids]
     linear = np.tile(weights, len(problems.g))[:, None] * problems.trace_cost - problems.g[fold]
     identity = np.concatenate([cone.svec(np.eye(size)) for size in problems.block_orders])
     moved = np.vecmat(problems.R @ identity, problems.R)
-    square = np.maximum(moved @ identity, TINY)
+    square = np.maximum(moved @ identity, SMALLEST_DIVISOR)
     size = np.maximum(
         problems.g @ identity / square, MIN_INITIAL_SIZE * np.sqrt(2 * problems.half_squares / square)
     )[fold]

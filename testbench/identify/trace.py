@@ -32,7 +32,7 @@ from testbench.errors import Array, BenchError, Ids
 from testbench.identify import interior
 from testbench.identify.conic import trace_units
 from testbench.identify.estimate import TracePenalty
-from testbench.identify.interior import TINY
+from testbench.identify.interior import SMALLEST_DIVISOR
 from testbench.identify.regression import GroupedRegression, Regression
 from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm
@@ -421,7 +421,7 @@ def _squared_residuals(gram: Array, pi: Array) -> Array:
 
 def _strongest_weight(errors: Array) -> int:
     """Select the strongest weight whose error exceeds the least one only by chance, (folds, weights)."""
-    logs = np.log(np.where(np.isfinite(errors).all(axis=0), np.maximum(errors, TINY), np.inf))
+    logs = np.log(np.where(np.isfinite(errors).all(axis=0), np.maximum(errors, SMALLEST_DIVISOR), np.inf))
     best, chance = int(logs.mean(axis=0).argmin()), stdtrit(max(1, len(logs) - 1), SELECTION_CONFIDENCE)
     for k in range(best):
         if np.isfinite(logs[0, k]):
