@@ -112,7 +112,7 @@ class Dataset(Displayed):
 
     @property
     def n_runs(self) -> int:
-        """Count the runs."""
+        """Count the runs: readings without and with one load in one pose."""
         return len(self.run_id)
 
     @property
@@ -561,7 +561,7 @@ class Series(Displayed):
 
     @property
     def n_rows(self) -> int:
-        """Count the rows."""
+        """Count the rows: readings of all targets in one pose under one load."""
         return len(self.row_id)
 
     @property

@@ -83,7 +83,7 @@ class Solution:
 
     @property
     def failure(self) -> str:
-        """Return the status of a program that is not solved, with the word of the solver."""
+        """Return the status of a program that is not solved, with the message of the solver."""
         return f"not solved: Clarabel says {self.solver_status}"
 
 
@@ -172,18 +172,18 @@ def norm_constraint(bound_index: int, R: Array, z: Array) -> ConeConstraint:
 
 
 def svec_length(order: int) -> int:
-    """Return the number of entries of svec(X) of a matrix X of order n: n (n + 1) / 2."""
+    """Return the number of entries of the upper triangle of a matrix of order n: n (n + 1) / 2."""
     return order * (order + 1) // 2
 
 
 def matrix_order(entries: int) -> int:
-    """Return the order n of a matrix X whose svec(X) has n (n + 1) / 2 entries."""
+    """Return the order n of a matrix whose upper triangle has n (n + 1) / 2 entries."""
     return (math.isqrt(8 * entries + 1) - 1) // 2
 
 
 @cache
 def upper_triangle(order: int) -> tuple[Ids, Ids]:
-    """List row and column of every entry of svec(X), (t,) each: the upper triangle of X, by column."""
+    """List row and column of every entry of the upper triangle of a matrix, by column, (t,) each."""
     column, row = np.tril_indices(order)
     return row, column
 
@@ -205,7 +205,10 @@ def _packed(n: int) -> tuple[Ids, Array]:
 
 
 def smat(x: Array) -> Array:
-    """Unpack symmetric matrices X, (..., n, n), from vectors svec(X), (..., n (n + 1) / 2)."""
+    """Unpack symmetric matrices X, (..., n, n), from their entries svec(X), (..., n (n + 1) / 2).
+
+    svec(X) is the upper triangle by column, with off-diagonal entries times sqrt 2.
+    """
     places, scale = _unpacked(matrix_order(x.shape[-1]))
     return np.asarray(x.take(places, axis=-1) * scale)
 
@@ -251,10 +254,15 @@ def eigvalsh(X: Array) -> Array:
 
 
 def congruence_map(A: Array) -> Array:
-    """Compute the matrices of the maps from svec(Y) to svec(A Y A^T), (..., t, t), t = n (n + 1) / 2.
+    """Compute the matrices of the linear maps from svec(Y) to svec(A Y A^T), with Y symmetric.
+
+    svec(Y) is the upper triangle by column, with off-diagonal entries times sqrt 2.
 
     Args:
         A: Matrices A, (..., n, n).
+
+    Returns:
+        Matrices of the maps, (..., t, t), with t = n (n + 1) / 2.
     """
     n = A.shape[-1]
     places, weight = _products(n)

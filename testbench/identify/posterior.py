@@ -591,4 +591,4 @@ class ModelSource(Protocol):
     """Describe an object with a method `model()` that returns an identified arm, such as `Calibration`."""
 
     def model(self) -> ArmModel:
-        """Return the identified arm."""
+        """Return the identified arm: its compliances, perhaps its geometry, and their posterior."""

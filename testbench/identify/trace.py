@@ -55,7 +55,7 @@ class Fold:
 
     @cached_property
     def fitted_regression(self) -> Regression:
-        """Return the fitted equations of all groups together."""
+        """Return the weighted equations of all fitted groups of runs as one regression."""
         return self.fitted_equations.to_regression()
 
 
@@ -164,7 +164,7 @@ def mean_and_standard_error(difference: Array) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """Hold the result of comparing one model with all others."""
+    """Hold the result of comparing a preferred model with all others by their held-out errors."""
 
     selected_name: str  #: Name of the selected model.
     difference: float  #: Mean held-out error of the selected model minus that of the preferred one [1].
