@@ -140,9 +140,9 @@ class JointMap:
         Returns:
             File joints, (..., m) [rad, m].
         """
-        return self.change_to_file_joints(q - self.q_0)
+        return self.to_file_joint_change(q - self.q_0)
 
-    def change_to_file_joints(self, change: Array) -> Array:
+    def to_file_joint_change(self, change: Array) -> Array:
         """Convert a change of chain joints to a change of file joints; the offsets q_0 drop out.
 
         Args:
@@ -480,7 +480,7 @@ class Arm(Displayed):
     def file_joints(self) -> tuple[ArmJoint, ...]:
         """Return the m joints that files, programs and the pendant show, with their limits.
 
-        Without a joint map they are `joints`. With one, their compliance is NaN.
+        If a joint map makes them differ from the chain's joints, their compliance is NaN.
         """
         if self.joint_map is None:
             return self.joints
@@ -510,7 +510,7 @@ class Arm(Displayed):
         """
         return q if self.joint_map is None else self.joint_map.to_file_joints(q)
 
-    def change_to_file_joints(self, change: Array) -> Array:
+    def to_file_joint_change(self, change: Array) -> Array:
         """Convert a change of chain joints to a change of file joints; offsets drop out.
 
         Args:
@@ -519,7 +519,7 @@ class Arm(Displayed):
         Returns:
             Change of the file joints, (..., m) [rad, m].
         """
-        return change if self.joint_map is None else self.joint_map.change_to_file_joints(change)
+        return change if self.joint_map is None else self.joint_map.to_file_joint_change(change)
 
     @property
     def display_factors(self) -> Array:

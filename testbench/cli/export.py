@@ -168,7 +168,7 @@ def _sizes(sizes: Sizes) -> list[str]:
 
 def _offset_words(arm: Arm, out: Path, best: BestOffsets, off: float) -> list[str]:
     """The offsets, how far they were off when they were read back, and what they cannot hold."""
-    offsets = np.degrees(arm.change_to_file_joints(best.offsets))
+    offsets = np.degrees(arm.to_file_joint_change(best.offsets))
     shown = (f"{joint.name} {x:.4f}" for joint, x in zip(arm.file_joints, offsets, strict=True))
     return [
         f"written    {out}",

@@ -655,7 +655,7 @@ def export_offsets(
     q = random_joints(state.vjm)
     best = best_offsets(state, q)
     arm = state.vjm.arm
-    offsets = arm.change_to_file_joints(best.offsets)  # a controller counts the pendant's joints
+    offsets = arm.to_file_joint_change(best.offsets)  # a controller counts the pendant's joints
     new = old + turns @ offsets
     said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
     new -= FULL_ROTATION * np.trunc(new / FULL_ROTATION) if form is ABB else 0

@@ -201,7 +201,7 @@ CASTING_RANGES = {
 class BeamSegments:
     """Hold the k segments of a link along its centre line, one per node of the quadrature."""
 
-    load_points: Array  #: Centroids of the sections, in the link's beam frame, (k, 3) [m].
+    centroids: Array  #: Centroids of the sections, in the link's beam frame, (k, 3) [m].
     section_axes: Array  #: Axes of the sections as columns, x along the centre line, (k, 3, 3) [1].
     lengths: Array  #: Lengths of the segments, (k,) [m].
 
@@ -220,7 +220,7 @@ def beam_compliance(segments: BeamSegments, section_compliances: Array, tip: Arr
     Returns:
         Compliance C at the tip, beam frame, (6, 6) [m/N, rad/N, rad/(N m)].
     """
-    x, y, z = (tip - segments.load_points).T
+    x, y, z = (tip - segments.centroids).T
     zero = np.zeros_like(x)
     lever = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)  # r x F
     Ad = np.zeros((len(x), 6, 6))

@@ -286,11 +286,11 @@ def correct_steps_for_compensator(compensator: CompensatorState, steps: Array, p
 
     Args:
         compensator: The compensator, with its constants in all poses.
-        steps: Newton steps of k poses without the compensator, (k, nv) [m, rad].
-        pose_indices: Index of each of them among all poses, (k,).
+        steps: Newton steps of some poses without the compensator, (m, nv) [m, rad].
+        pose_indices: Index of each of them among all poses, (m,).
 
     Returns:
-        Newton steps with the compensator, (k, nv) [m, rad].
+        Newton steps with the compensator, (m, nv) [m, rad].
     """
     along = np.vecdot(compensator.sherman_morrison_row[pose_indices], steps)
     return np.asarray(steps - along[:, None] * compensator.C_g[pose_indices])

@@ -421,7 +421,7 @@ def configuration_notes(program: Program, start: Array | None) -> tuple[str, ...
 def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:
     """Collect what a corrected program says beside its joints, by column."""
     compensated, arm = corrected_program.found, corrected_program.model.arm
-    moved = arm.change_to_file_joints(compensated.q - compensated.programmed_q)
+    moved = arm.to_file_joint_change(compensated.q - compensated.programmed_q)
     columns: dict[str, Array | Sequence[str]] = {
         f"correction_{joint.display_column}": joint.display_factor * moved[:, k]
         for k, joint in enumerate(arm.file_joints)

@@ -207,7 +207,7 @@ def _points(corrected_program: CorrectedProgram, tolerance_mm: float | None) -> 
     program = corrected_program.program
     reasons = corrected_program.reasons
     arm = corrected_program.model.arm
-    correction = arm.display_factors * arm.change_to_file_joints(compensated.q - compensated.programmed_q)
+    correction = arm.display_factors * arm.to_file_joint_change(compensated.q - compensated.programmed_q)
     before, half = (
         MM * np.linalg.norm(compensated.error_before, axis=1),
         MM * compensated.error_half_width.max(axis=1),
@@ -257,7 +257,7 @@ def _jump(corrected_program: CorrectedProgram) -> Row | None:
     joints = corrected_program.model.arm.file_joints
     if len(compensated.q) < 2:
         return None
-    steps = np.abs(np.diff(arm.change_to_file_joints(compensated.q - compensated.programmed_q), axis=0))
+    steps = np.abs(np.diff(arm.to_file_joint_change(compensated.q - compensated.programmed_q), axis=0))
     k, j = np.unravel_index(int(steps.argmax()), steps.shape)
     load = np.sum([load.wrench[:, :3] for load in corrected_program.loads], axis=0)
     change, size = np.linalg.norm(load[k + 1] - load[k]), np.linalg.norm(load[k : k + 2], axis=1).max()
