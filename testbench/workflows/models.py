@@ -375,9 +375,11 @@ def asked_models(
         The models.
 
     Raises:
-        BenchError: When the arm has no model of a name.
+        BenchError: When the arm has no model of a name, or a name is given twice.
     """
     models = named_models(cell, names) if names else default_models(cell, prior, uncertainty)
+    if len({m.name for m in models}) < len(models):
+        raise BenchError(f"expected different models, got {', '.join(m.name for m in models)}")
     if names and prior is not None:
         models = [
             with_priors(cell.arm, [m], prior, uncertainty)[0] if m.structure.has_full_blocks else m
