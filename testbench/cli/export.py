@@ -74,7 +74,7 @@ def command(asked: ExportOptions) -> None:
 def _write_urdf(asked: ExportOptions, urdf: Path) -> None:
     own = look(urdf) is not None and not (_new(urdf) and asked.out is None)  # with --out it is as any other
     if not own and (asked.out or asked.tip):
-        problem = "expected the robot's own URDF; to write one from scratch omit --out and --tip"
+        problem = "there is no such URDF of the robot; to write a new one omit --out and --tip"
         raise InputError(urdf, "", problem)
     out = (asked.out or Path(f"{urdf.stem}_calibrated.urdf")) if own else urdf
     if out.suffix.lower() != ".urdf":

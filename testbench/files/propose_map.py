@@ -216,9 +216,11 @@ def propose(
         The map's lines, and the layouts that fit.
 
     Raises:
-        InputError: When a file is no table, fits several layouts, lacks joints or positions, or cannot be
-            joined to the log.
+        InputError: When a file is given twice, is no table, fits several layouts, lacks joints or positions,
+            or cannot be joined to the log.
     """
+    if path in (log, loaded):
+        raise InputError(path, "", "expected another file for --log or --loaded: this one has the readings")
     # Read the file, with its sheets or the file of its loaded readings.
     sheets = sheets_of(path, arm, layout) if loaded is None else []
     export = read_unknown(path, arm, layout, sheets)

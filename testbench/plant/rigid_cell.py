@@ -305,8 +305,9 @@ def _check_head(model: mujoco.MjModel, part: Ids, position: Array | None) -> Non
     head = int(np.flatnonzero(tracker)[0])
     for g in still:
         if mujoco.mj_geomDistance(model, data, head, g, 1e-3, None) < 0:
+            place = ", ".join(f"{x:g}" for x in position)
             raise BenchError(
-                f"station at {position.tolist()} m: the tracker's head (radius {TRACKER_HEAD_RADIUS} m) is "
+                f"station at {place} m: the tracker's head (radius {TRACKER_HEAD_RADIUS} m) is "
                 f"inside {body_name(model, model.geom_bodyid[g])}, which does not move; expected a free place"
             )
 

@@ -111,7 +111,8 @@ class PlanSettings:
         if self.acceptance_deg is not None and self.tracker_m is None:
             raise BenchError("acceptance_deg: expected the position of a tracker too")
         if self.box_m is not None and not all(a < b for a, b in zip(*self.box_m, strict=True)):
-            raise BenchError(f"box_m: expected the lower corner first, got {self.box_m}")
+            corners = [f"{x:g}" for corner in self.box_m for x in corner]
+            raise BenchError(f"box_m: expected the lower corner first, got {', '.join(corners)}")
 
     def _check_loads(self) -> None:
         loads, pulls = self.loads_kg, self.pulls_n

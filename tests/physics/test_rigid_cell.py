@@ -159,7 +159,7 @@ def test_what_payload_and_tracker_touch_is_what_is_nearer_than_the_clearance(kr5
     [
         ("kr500", (0.0, 0.0, 0.3), "station at .*0.3.* is inside link_0, which"),
         ("kr500", (0.5, -0.65, 0.1), "station at .*0.1.* is inside world, which"),
-        ("kr500", (4.5, -2.5, -1.0), "station at .*-1.0.* is inside world, which"),
+        ("kr500", (4.5, -2.5, -1.0), "station at .*-1 m.* is inside world, which"),
         ("arm_6r", (0.1, 0.0, 0.4), "station at .*0.4.* is inside link_0, which"),
         ("kr500", (np.nan, 0, 1), "position of the station"),
         ("kr500", (5e3, 0, 1), "position of the station"),

@@ -159,6 +159,12 @@ def test_a_wrong_map_is_one_line(tmp_path, old, new, text):
     refused("data", "check", ARM, MAPS / "spatialanalyzer.csv", "--map", tmp_path / "map.toml", said=text)
 
 
+@pytest.mark.parametrize("flag", ["--log", "--loaded"])
+def test_a_file_cannot_be_its_own_log_or_loaded_file(flag):
+    file = MAPS / "spatialanalyzer.csv"
+    refused("data", "check", ARM, file, flag, file, said="expected another file for --log or --loaded")
+
+
 def test_runs_of_an_arm_without_joints_are_looked_at_and_refused_without_any_load(tmp_path):
     runs = tmp_path / "runs.csv"
     fine("simulate", "single_link", "--poses", 2, "--out", runs)

@@ -117,7 +117,10 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
             "is not a URDF that testbench export wrote",
         ),
         (("model", "--urdf", "in/robot.urdf", "--out", "in/robot.xml"), "ending with .urdf"),
-        (("model", "--urdf", "in/robott.urdf", "--out", "x.urdf"), "expected the robot's own URDF; to write"),
+        (
+            ("model", "--urdf", "in/robott.urdf", "--out", "x.urdf"),
+            "there is no such URDF of the robot; to write a",
+        ),
         (("model", "--urdf", "new.urdf", "--tip", "tool0"), "omit --out and --tip"),
         (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link 'tool1' for the tip"),
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
