@@ -135,16 +135,17 @@ def unobservable_directions(
         A: Observation matrix, (rows, n).
         parameter_sizes: Expected size of every parameter, (n,) [m/N, rad/(N m), rad/N].
         groups: Indices of the parameters of every link and joint, in the order of the chain.
-        known_directions: Directions of the null space that are known, (m, n).
+        known_directions: Directions that are known, in the units of the result, (m, n) [1].
 
     Returns:
-        Further directions over the expected sizes, (k, n) [1].
+        Further directions, as changes of the parameters over their expected sizes, (k, n) [1].
     """
     R: Array = np.array(np.linalg.qr(A, mode="r"))
     R[:, zero_columns(A)] = 0
     missing = null_space(R).shape[1] - len(known_directions)
     basis = np.zeros((0, A.shape[1]))
     Q = np.linalg.qr(known_directions.T)[0].T  # orthonormal rows: known, then found
+    # one link or joint, then neighbours, then all: the first directions have the fewest parameters
     for window in _neighbouring_groups(groups):
         if len(basis) >= missing:
             break
@@ -152,8 +153,9 @@ def unobservable_directions(
         T = np.zeros((len(rows), A.shape[1]))
         T[:, window] = rows
         for row in T[np.argsort((np.abs(T) > ZERO_DIRECTION_ENTRY).sum(axis=1), kind="stable")]:
+            # a direction is new if it is no combination of those before; twice makes it orthogonal enough
             new = row / np.linalg.norm(row)
-            for _ in range(2):  # twice is enough
+            for _ in range(2):
                 new = new - (Q @ new) @ Q
             if np.linalg.norm(new) > MIN_NEW_DIRECTION_SHARE:
                 basis = np.vstack([basis, row])
