@@ -83,6 +83,7 @@ SIDE = 0.07  #: Room beside what is drawn [in]: letters of an SVG are up to 2 % 
 LEVEL, COLOURS = 4, 256
 """Of a PNG: its compression, of which the next ones save no more than a fiftieth, and colours, which make it
 three times smaller than all colours do."""
+BAND = 0.15  #: Opacity of bands [1]: fainter ones fall together with white where a PNG has few colours.
 
 
 # No dollar of a name begins a formula. Titles stay where they are: a search for room above every axes, at
@@ -660,7 +661,7 @@ def _sweep(axes: Axes, table: Table, lines: Mapping[str, Look], bands: Collectio
             axes.plot(at, [*map(middle, numbers)], linestyle=style, label=words, **look.dots(3.6))
             if line in bands and any(isinstance(number, Spread) for number in numbers):
                 low, high = np.transpose([*map(ends, numbers)])
-                axes.fill_between(at, low, high, color=look.hex, alpha=0.08, linewidth=0)
+                axes.fill_between(at, low, high, color=look.hex, alpha=BAND, linewidth=0)
     swept = {middle(x.value(row)): x.cell(row) for row in table.rows}
     if max(swept) > LOG_AXIS_RATIO * min(swept) > 0:
         log_ticks(axes, "x", *axes.dataLim.intervalx)

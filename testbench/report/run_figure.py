@@ -23,6 +23,7 @@ from testbench.errors import Array, Ids, Mask
 from testbench.plant.shapes import BodyFrames, hull_points, visual_shapes
 from testbench.report.colours import LOAD, MEASURED, STIFFNESS, TASK, Colour, hexadecimal
 from testbench.report.figure import (
+    BAND,
     CAPTION,
     KEY_LETTERS,
     LOG_AXIS_RATIO,
@@ -439,7 +440,7 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
         width = 1.6 if chart.leads and line is chart.lines[-1] else 0.9
         axes.plot(at, line.values, linewidth=width, label=row_head(line.name), **line.look.dots(size))
         if line.ends:
-            axes.fill_between(at, *line.ends, color=line.look.hex, alpha=0.15, linewidth=0)
+            axes.fill_between(at, *line.ends, color=line.look.hex, alpha=BAND, linewidth=0)
     if chart.limit is not None and np.isfinite(chart.limit):
         axes.axhline(chart.limit, color=SOFT, linewidth=1, linestyle="--", label=chart.limit_is)
     some = at[:: -(-len(at) // NAMED)]

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from PIL import Image
 from reports import check_forest
 
 from testbench.plant.shapes import hull_points, visual_shapes
@@ -174,6 +175,22 @@ def test_sweeps_of_one_quantity_have_one_upright_scale_and_others_their_own():
     ).axes
     assert first.get_ylim() == second.get_ylim() != third.get_ylim()
     assert first.get_ylim()[0] <= 0.3 < 50.0 <= first.get_ylim()[1]
+
+
+@pytest.mark.parametrize(
+    "own", [("MLS56", "MLS56", "none"), ("Joints", "Joints", "none"), ("MGCO56", "MGCO56", "psd")]
+)
+def test_bands_are_seen_in_the_few_colours_of_a_file(own, pixels, tmp_path):
+    wide = spread(np.geomspace(0.1, 10.0, 21))  # the line is at 1, its band far around it
+    rows = [model(*own, wide, n=k) for k in (1, 2)]
+    figure = sweeps({"": Table((COLUMNS[0], COLUMNS[2], COLUMNS[1]), rows)}, "One wins", "")
+    with pixels():
+        figures.save(figure, tmp_path / "one.png")
+    [axes] = figure.axes
+    x, y = axes.transData.transform((1.5, 3.0)).round().astype(int)
+    with Image.open(tmp_path / "one.png") as picture:
+        whole = picture.convert("RGB")
+        assert whole.getpixel((int(x), whole.height - int(y))) != whole.getpixel((0, 0))
 
 
 def test_figures_write_micrometres_and_powers_and_titles_end_without_a_stop():
