@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from testbench import __version__
-from testbench.runs.command import shorten_scipy_docstrings
 from testbench.workflows.options import ProjectCommand
 
 COMMANDS = {
@@ -43,10 +42,7 @@ def program(arguments: Sequence[str]) -> typer.Typer:
     app = typer.Typer(help="Virtual calibration cell for heavy robot arms.", callback=_options)
     named = list(arguments[:1]) or " ".join(os.environ.get(name, "") for name in TYPED).split()[1:2]
     for name, line in COMMANDS.items():
-        module = None
-        if name in named:
-            shorten_scipy_docstrings()
-            module = import_module(f"testbench.cli.{name}")
+        module = import_module(f"testbench.cli.{name}") if name in named else None
         if module is not None and name in GROUPS:
             app.add_typer(module.group, name=name, help=line)
         else:

@@ -10,7 +10,6 @@ import io
 import os
 import sys
 import warnings
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from unicodedata import category
@@ -51,26 +50,6 @@ def undisturbed() -> None:
     getattr(np, "__numpy_submodules__", set()).difference_update(UNUSED)
     if os.path.lexists(SETTINGS):
         _import_elsewhere("matplotlib")
-
-
-class _NoDocstring(defaultdict[str, list[object]]):
-    """Stand in for the sections of a docstring, all of them empty."""
-
-    def __init__(self, function: object, **_: object) -> None:
-        del function
-        super().__init__(list)
-
-    def __str__(self) -> str:
-        return "\n"
-
-
-def shorten_scipy_docstrings() -> None:
-    """Keep scipy from parsing docstrings, to which it adds notes; to be called before it is imported.
-
-    It parses those of 200 functions, which takes a fifth of the time of its import.
-    """
-    with contextlib.suppress(ImportError):  # a version that parses none
-        vars(importlib.import_module("scipy._lib._docscrape"))["FunctionDoc"] = _NoDocstring
 
 
 def _import_elsewhere(package: str) -> None:

@@ -31,21 +31,6 @@ def test_settings_of_the_folder_and_the_environment_are_not_read(tmp_path, pipe)
     assert found.stdout.split() == ["figure", "False", "None", str(tmp_path)]
 
 
-UNPARSED = """
-from testbench.runs.command import shorten_scipy_docstrings
-shorten_scipy_docstrings()
-from scipy import linalg, optimize, special
-print(linalg.cholesky([[4.0]])[0, 0], special.ndtr(0.0), optimize.brentq(lambda x: x - 3, 0, 9))
-print(len(linalg.cholesky.__doc__ or ""))
-"""
-
-
-def test_scipy_works_though_its_docstrings_are_not_parsed():
-    """Notes that it would add to them say nothing in a command."""
-    found = subprocess.run([sys.executable, "-c", UNPARSED], capture_output=True, text=True, check=True)
-    assert found.stdout.split() == ["2.0", "0.5", "3.0", "0"]
-
-
 def test_the_folder_of_results_may_be_a_link_which_is_written_itself_by_force_alone(attack, lab):
     (lab / "disk").mkdir()
     (lab / "runs").symlink_to("disk")
