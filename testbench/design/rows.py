@@ -169,7 +169,7 @@ def whitened_rows_by_load(
     return whitened_rows(spec.setup, q, select_loads(spec, load_index), basis)
 
 
-def candidate_rows(spec: PlanSpecification, q: Array, load: Ids) -> Array:
+def candidate_rows(spec: PlanSpecification, q: Array, load_index: Ids) -> Array:
     """Compute whitened rows of many candidates in blocks, whose memory is used again and again.
 
     Fresh memory for thousands of candidates at once takes longer than their rows.
@@ -177,13 +177,13 @@ def candidate_rows(spec: PlanSpecification, q: Array, load: Ids) -> Array:
     Args:
         spec: Specification with its loads.
         q: Actuated joints, (candidates, n_joints) [rad, m].
-        load: Index into the specification's loads, (candidates,).
+        load_index: Index into the specification's loads, (candidates,).
 
     Returns:
         Rows per unit of x, (candidates, k, n) [1].
     """
     parts = np.array_split(np.arange(len(q)), -(-len(q) // CANDIDATES_PER_BLOCK))
-    return np.concatenate([whitened_rows_by_load(spec, q[part], load[part]) for part in parts])
+    return np.concatenate([whitened_rows_by_load(spec, q[part], load_index[part]) for part in parts])
 
 
 def _rows(setup: MeasurementSetup, q: Array, load: Load, motion: Array, basis: Array | None = None) -> Array:
