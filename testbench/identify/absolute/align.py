@@ -470,22 +470,24 @@ def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -
     # By the series alone; else with the frame or mount that the state has.
     few = underdetermined_reason(state.vjm, series)
     aligned_series = None if _is_underdetermined(state.vjm, series) else _register_subset(state, series)
-    if aligned_series is None or not aligned_series.fits:
+    if aligned_series is None or not aligned_series.fits_nominal_arm:
         shared = _register_subset(state, series, shared=True)
-        aligned_series = shared if shared is not None and shared.fits else aligned_series
+        aligned_series = shared if shared is not None and shared.fits_nominal_arm else aligned_series
     # Else with the targets of the arm's folder, if enough joints turn.
     turns = len(moving_joints(state.vjm, (series,)))
     if aligned_series is None and not few and turns >= MIN_MOVING_JOINTS:
         drawn = _register_subset(state, series, as_drawn=True)
-        aligned_series = drawn if drawn is not None and drawn.fits else _register_subset(state, series)
+        aligned_series = (
+            drawn if drawn is not None and drawn.fits_nominal_arm else _register_subset(state, series)
+        )
     if aligned_series is None and (few or turns < MIN_MOVING_JOINTS):
         open_ = "its poses do not determine frame and target; turn joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")
-    if aligned_series is None or not aligned_series.fits:
+    if aligned_series is None or not aligned_series.fits_nominal_arm:
         # Something may have moved in mid-series: the frame and mount of its first half.
         halves = np.array_split(np.argsort(series.row_id, kind="stable"), 2)
         parts = [select_rows(series, half) for half in halves if len(half) >= MIN_ROWS_OF_HALF_SERIES]
-        placed = [part for half in parts if (part := _register_subset(state, half)) and part.fits]
+        placed = [part for half in parts if (part := _register_subset(state, half)) and part.fits_nominal_arm]
         if len(placed) < 2:
             raise _misfit(state, series, aligned_series)
         aligned_series = placed[0]
@@ -633,7 +635,7 @@ class _AlignedSeries:
     near: bool  #: Whether positions fit, with targets closer to the tool than the arm's reach.
 
     @property
-    def fits(self) -> bool:
+    def fits_nominal_arm(self) -> bool:
         """Tell whether positions and orientations fit the nominal arm, with targets within its reach."""
         return self.near and self.turn < MAX_ORIENTATION_ERROR
 

@@ -28,7 +28,7 @@ from testbench.identify.absolute.evidence import (
     ErrorScales,
     activate_unknowns,
     default_error_scales,
-    gram_of_active,
+    gram_of_active_unknowns,
     learn_error_scales,
     solve_active_unknowns,
 )
@@ -240,7 +240,7 @@ def with_shared_pattern(
     at = unknowns.first_columns["errors"] + errors.n_coefficients * np.arange(len(joints))[:, None] + waves
     whole, orders = scales.deviation[at[0]] ** 2, np.array(errors.orders)[waves[: len(waves) // 2]]
     # Precision of each hinge's waves from the readings alone: posterior precision minus that of the prior.
-    gram = gram_of_active(active_unknowns, reduced_readings.total_gram_matrices)
+    gram = gram_of_active_unknowns(active_unknowns, reduced_readings.total_gram_matrices)
     solved, joint_information = solve_active_unknowns(active_unknowns, gram, scales, WIDE_PRIOR), []
     V = solved.covariance
     for joint, j in zip(joints, np.searchsorted(active_unknowns.columns, at), strict=True):
@@ -329,7 +329,7 @@ def _held_out_sums(
     held: Sequence[Sequence[SeriesBlock]],
 ) -> Array:
     """Hold out parts of the readings in turn: the numbers of `_Trial.blocks`, (held, 4)."""
-    S = gram_of_active(active, reduced.total_gram_matrices)
+    S = gram_of_active_unknowns(active, reduced.total_gram_matrices)
     positions = reduced.is_position
     totals = []
     faces = _has_plane_faces(reduced)
@@ -389,7 +389,7 @@ def _held_out(
     """
     (scales, rules), k = scales_and_rules, len(variances)
     # Gram matrices of the other readings: the difference of two sums.
-    T, every = gram_of_active(active, sum_gram_matrices(parts)), np.arange(len(active.columns))
+    T, every = gram_of_active_unknowns(active, sum_gram_matrices(parts)), np.arange(len(active.columns))
     others = S - T
     # Frames and mounts that occur in the held-out parts alone are no unknowns of the others.
     alone = np.flatnonzero(np.abs(others[:, : active.n_rigid, :k]).sum(axis=(0, 1)) == 0)

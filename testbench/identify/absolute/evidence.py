@@ -166,7 +166,7 @@ def default_error_scales(unknowns: Unknowns, n_kinds: int) -> ErrorScales:
     return ErrorScales(deviation, np.ones(n_kinds))
 
 
-def gram_of_active(active_unknowns: ActiveUnknowns, gram: Array) -> Array:
+def gram_of_active_unknowns(active_unknowns: ActiveUnknowns, gram: Array) -> Array:
     """Compute the Gram matrices of the selected unknowns, with compliances in units of their prior.
 
     Args:
@@ -297,7 +297,7 @@ def learn_error_scales(
         BenchError: If the readings leave a frame or a target undetermined.
     """
     gram, equation_counts = (
-        gram_of_active(active_unknowns, reduced_readings.total_gram_matrices),
+        gram_of_active_unknowns(active_unknowns, reduced_readings.total_gram_matrices),
         reduced_readings.n_equations,
     )
     scales = _maximise_scales(active_unknowns, gram, equation_counts, initial)

@@ -289,7 +289,7 @@ LoadHypotheses = Sequence[Hypothesis[LoadedRuns]]
 
 
 def find_load_issues(
-    loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHypotheses
+    loads: LoadedRuns, all_load_hypotheses: LoadHypotheses, single_run_hypotheses: LoadHypotheses
 ) -> list[Issue]:
     """Find the mistakes in loads and deflections whose correction makes the readings fit the prior best.
 
@@ -299,8 +299,8 @@ def find_load_issues(
 
     Args:
         loads: The runs with their prior.
-        all_loads: Hypotheses about all loads.
-        single_runs: Hypotheses about single runs.
+        all_load_hypotheses: Hypotheses about all loads.
+        single_run_hypotheses: Hypotheses about single runs.
 
     Returns:
         Issues, the most probable first; none for runs without a mistake.
@@ -308,9 +308,9 @@ def find_load_issues(
     factor = deflection_scale(loads)
     gravity = suspected_gravity(loads.vjm, loads.compliance_prior, loads.data, loads.tracker_gravity)
     loads = replace(loads, suspected_gravity=gravity)
-    mountings = [row for row in all_loads if row.name == "mounting"]
-    others = [row for row in all_loads if row.name != "mounting"]
-    kinds = {row.name for row in single_runs}
+    mountings = [row for row in all_load_hypotheses if row.name == "mounting"]
+    others = [row for row in all_load_hypotheses if row.name != "mounting"]
+    kinds = {row.name for row in single_run_hypotheses}
     if gravity is not None and gravity.is_certain:
         return [mounting_issue(loads.vjm, gravity)]
     try:
@@ -318,10 +318,10 @@ def find_load_issues(
     except BenchError:  # no compliance moves so: only other loads can
         return _refitted(mountings, loads) or _refitted(others, loads) or [_wild_reading(loads.data, factor)]
     fitted = replace(loads, residual_model=model)
-    issues, loads = correct_one_by_one(fitted, partial(_without_worst, single_runs))
+    issues, loads = correct_one_by_one(fitted, partial(_without_worst, single_run_hypotheses))
     assert loads.residual_model is not None
     model = loads.residual_model
-    best = _likeliest(loads, all_loads, single_runs)
+    best = _likeliest(loads, all_load_hypotheses, single_run_hypotheses)
     loads = replace(loads, suspected_gravity=gravity or _missing_weight(loads, best))
     # A wrong mounting, if it rivals the best other mistake; weights have no force offset.
     hung = _refitted(mountings, loads)

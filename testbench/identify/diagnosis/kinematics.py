@@ -635,7 +635,7 @@ REWEIGHTINGS = 3  #: Reweighted solutions of the linear form, so that an outlier
 MAX_JOINT_ORDERS_IN_MEMORY = 720  #: Number of orders whose equations are in memory together.
 #: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
 RELATIVE_RIDGE = 1e-9
-MIN_ROWS_OF_PART = 3  #: Fewest rows of half a file, and of the part with slipped rows.
+MIN_ROWS_BESIDE_SLIP = 3  #: Fewest rows of half a file, and of the part with slipped rows.
 
 
 def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
@@ -719,7 +719,7 @@ def find_row_shift(observations: Observations) -> RowShift | None:
     """
     n, far = len(observations.q), MAX_MEDIAN_DISTANCE * observations.expected_distance
     head = _fit_half(observations, slice(n // 2))
-    if head is None or _misfits(observations, head, np.arange(n)[-MAX_COMPARED_ROWS:]) < MIN_ROWS_OF_PART:
+    if head is None or _misfits(observations, head, np.arange(n)[-MAX_COMPARED_ROWS:]) < MIN_ROWS_BESIDE_SLIP:
         return None
     _, gain, first, shift, best_fit = min(_slip_costs(observations, head), key=lambda candidate: candidate[0])
     while first > 1 and _misfits(observations, best_fit, np.array([first - 1])):
@@ -751,7 +751,7 @@ def _slip_costs(
                 ).sum(axis=1)
                 for observed in (observations, moved)
             )
-            cost = np.cumsum(as_read - slipped)[:-MIN_ROWS_OF_PART] + slipped.sum()
+            cost = np.cumsum(as_read - slipped)[:-MIN_ROWS_BESIDE_SLIP] + slipped.sum()
             # An inserted row fits either way: the last of equal rows is the first that slipped.
             alike = cost < cost.min() + MIN_GAIN_PER_READING * observations.is_measured.shape[1]
             first = 1 + int(np.flatnonzero(alike)[-1])
@@ -762,7 +762,7 @@ def _fit_half(observations: Observations, half: slice) -> KinematicFit | None:
     """Fit frame and targets to half of the rows; None if there are too few."""
     rows = np.arange(len(observations.q))[half]
     sample = observations.select(rows[evenly_spaced(len(rows), MAX_COMPARED_ROWS)])
-    return fit_kinematics(sample) if len(rows) >= MIN_ROWS_OF_PART and sample.is_measured.any() else None
+    return fit_kinematics(sample) if len(rows) >= MIN_ROWS_BESIDE_SLIP and sample.is_measured.any() else None
 
 
 def _misfits(observations: Observations, fitted: KinematicFit, rows: Ids) -> int:

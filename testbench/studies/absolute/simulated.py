@@ -19,7 +19,7 @@ from testbench.identify.absolute.align import Noise
 from testbench.identify.absolute.evidence import (
     ErrorScales,
     activate_unknowns,
-    gram_of_active,
+    gram_of_active_unknowns,
     solve_active_unknowns,
 )
 from testbench.identify.absolute.fit import (
@@ -206,7 +206,7 @@ def optimum_mm(found: LinearisedReadings, truth: Truth, check: Series) -> float:
         deviation[own] = sizes[kind]
     known = ErrorScales(deviation, np.ones(len(reduced.kinds)))
     V = solve_active_unknowns(
-        active, gram_of_active(active, reduced.total_gram_matrices), known, PriorUncertainty(SHAPE)
+        active, gram_of_active_unknowns(active, reduced.total_gram_matrices), known, PriorUncertainty(SHAPE)
     ).covariance
     assert active.compliance_prior is not None
     lines = series_equations(unknowns, true, check)[:, :, active.columns].transpose(0, 1, 3, 2)
