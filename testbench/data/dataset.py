@@ -65,14 +65,14 @@ class Dataset(Displayed):
     #: Direction of every reading along a line, unit vectors, world axes, (runs, m, 3) [1]; zero for positions
     #: and where there is no instrument. `after` - `before` is the number read times this direction. None
     #: where all readings are positions.
-    direction: Array | None = None
-    #: Standard deviation of `direction` about each axis across it, (runs, m) [rad]; None without `direction`.
-    direction_deviation: Array | None = None
+    line_direction: Array | None = None
+    #: Standard deviation of `line_direction` about each axis across it, (runs, m) [rad]; None without it.
+    line_direction_deviation: Array | None = None
     #: Distance from marker to fixed point of a reading that is a distance, (runs, m) [m]; 0 for a gauge on a
-    #: plane face of the tool, which turns with the tool. None without `direction`.
+    #: plane face of the tool, which turns with the tool. None without `line_direction`.
     line_length: Array | None = None
-    #: Error of each reading by one standard deviation of `direction`, (runs, m, 3) [m]: that deviation times
-    #: direction x predicted deflection. Readings of one set-up share this error. None until
+    #: Error of each reading by one standard deviation of `line_direction`, (runs, m, 3) [m]: that deviation
+    #: times direction x predicted deflection. Readings of one set-up share this error. None until
     #: `resolve_line_readings` computes it.
     tilt_error: Array | None = None
 
@@ -90,7 +90,7 @@ class Dataset(Displayed):
             "unloaded_after_load": (runs,),
         }
         shapes |= {"rotation_before [rad]": (runs, 3), "rotation_after [rad]": (runs, 3)}
-        shapes |= {"direction [1]": (runs, m, 3), "direction_deviation [rad]": (runs, m)}
+        shapes |= {"line_direction [1]": (runs, m, 3), "line_direction_deviation [rad]": (runs, m)}
         shapes |= {"line_length [m]": (runs, m), "tilt_error [m]": (runs, m, 3)}
         check_readings(self, runs, ("run_id", "pose_id", "station"), shapes)
         if self.precision is not None:
@@ -100,7 +100,7 @@ class Dataset(Displayed):
     def summary(self) -> dict[str, object]:
         """Summarise the dataset: numbers of runs and poses, markers, range of deflections, noise."""
         size = 1e3 * np.linalg.norm(self.deflection, axis=-1)[self.is_measured]
-        lines = {} if self.direction is None else {"along_a_line": int(self.is_line_reading.sum())}
+        lines = {} if self.line_direction is None else {"along_a_line": int(self.is_line_reading.sum())}
         return {
             "runs": self.n_runs,
             "poses": len(np.unique(self.pose_id)),
@@ -130,21 +130,21 @@ class Dataset(Displayed):
     @property
     def is_line_reading(self) -> Mask:
         """Tell which readings are one number along a direction, such as that of a dial gauge, (runs, m)."""
-        if self.direction is None:
+        if self.line_direction is None:
             return np.zeros((self.n_runs, len(self.markers)), dtype=bool)
-        return np.asarray(self.direction.any(axis=2)) & self.is_measured
+        return np.asarray(self.line_direction.any(axis=2)) & self.is_measured
 
     @property
     def is_lost(self) -> Mask:
         """Tell which markers an instrument should have read but did not, (runs, m).
 
         A marker that no instrument is set up for is not lost. An instrument along a line is set up in the
-        runs where `direction` is not zero. A tracker is set up for all markers that it reads in any run, in
-        all runs but those with readings along lines only.
+        runs where `line_direction` is not zero. A tracker is set up for all markers that it reads in any run,
+        in all runs but those with readings along lines only.
         """
-        if self.direction is None:
+        if self.line_direction is None:
             return ~self.is_measured
-        along = np.asarray(self.direction.any(axis=2))
+        along = np.asarray(self.line_direction.any(axis=2))
         placed = np.asarray(self.is_measured & ~self.is_line_reading)
         tracked = np.asarray(placed.any(axis=1) | ~along.any(axis=1))[:, None]
         return np.asarray(~self.is_measured & (along | (tracked & placed.any(axis=0))))
@@ -162,7 +162,7 @@ class Dataset(Displayed):
             (self.is_measured & ~self.is_line_reading)[..., None, None], self.precision, np.eye(3)
         )
         covariances = np.asarray(np.linalg.inv(whole))
-        if self.direction is None:
+        if self.line_direction is None:
             return covariances
         P = self.precision
         trace = np.where(self.is_line_reading, np.trace(P, axis1=2, axis2=3), 1.0)[..., None, None]
@@ -177,9 +177,9 @@ class Dataset(Displayed):
         Returns:
             Their projections, world axes, (..., runs, m, 3) [m].
         """
-        if self.direction is None:
+        if self.line_direction is None:
             return vectors
-        along = (self.direction * vectors).sum(axis=-1, keepdims=True) * self.direction
+        along = (self.line_direction * vectors).sum(axis=-1, keepdims=True) * self.line_direction
         return np.asarray(np.where(self.is_line_reading[..., None], along, vectors))
 
     @property
@@ -288,26 +288,26 @@ def line_precision(direction: Array, sigma: float | Array) -> Array:
 
 def _check_lines(data: Dataset) -> None:
     """Refuse directions without their deviation, length and precision, and values that no instrument has."""
-    together = (data.direction, data.direction_deviation, data.line_length)
+    together = (data.line_direction, data.line_direction_deviation, data.line_length)
     if any(values is None for values in together) and any(values is not None for values in together):
         raise BenchError(
-            "readings along lines: expected direction, direction_deviation and line_length together, or none"
+            "readings along lines: expected direction, its deviation and length together, or none"
         )
-    if data.direction is None or data.direction_deviation is None or data.line_length is None:
+    if data.line_direction is None or data.line_direction_deviation is None or data.line_length is None:
         return
     if data.precision is None:
         raise BenchError("readings along lines: expected their precision too, got None")
     for name, values in (
-        ("direction_deviation [rad]", data.direction_deviation),
+        ("line_direction_deviation [rad]", data.line_direction_deviation),
         ("line_length [m]", data.line_length),
     ):
         if values.size and values.min() < 0:
             raise BenchError(f"{name}: expected 0 or more, got {values.min():g}")
-    length = np.linalg.norm(data.direction, axis=2)[data.is_line_reading]
+    length = np.linalg.norm(data.line_direction, axis=2)[data.is_line_reading]
     if (np.abs(length - 1) > ASYMMETRY_TOLERANCE).any():
-        raise BenchError(f"direction [1]: expected unit vectors, got one of length {length[0]:g}")
+        raise BenchError(f"line_direction [1]: expected unit vectors, got one of length {length[0]:g}")
     P = data.precision[data.is_line_reading]
-    u = data.direction[data.is_line_reading]
+    u = data.line_direction[data.is_line_reading]
     size = np.trace(P, axis1=1, axis2=2)[:, None, None]
     if (np.abs(P - size * u[:, :, None] * u[:, None, :]) > ASYMMETRY_TOLERANCE * size).any():
         raise BenchError("precision [1/m^2]: expected u u^T over the variance for readings along u")
@@ -437,7 +437,7 @@ class Series(Displayed):
     series with the same `mount` share unknown positions of the targets on the tool. The arm does not move
     between rows with the same `pose_id`, such as without and with a load, so that they share one model error.
 
-    Distances are read from a fixed point (ballbar, draw-wire), or as heights over a plane if `normal` is set.
+    Distances are read from a fixed point (ballbar, draw-wire), or as heights over a plane with `plane_normal`.
     """
 
     name: str  #: Name in reports, such as the file's name.
@@ -470,9 +470,9 @@ class Series(Displayed):
     #: Standard deviation of the stated point along each axis [m].
     fixed_point_sigma: float = NOMINAL_FIXED_POINT_DEVIATION
     #: Stated normal of the plane towards the targets, unit vector, world axes [1]; None for a fixed point.
-    normal: tuple[float, float, float] | None = None
+    plane_normal: tuple[float, float, float] | None = None
     #: Standard deviation of the stated normal about each axis [rad].
-    normal_sigma: float = NOMINAL_NORMAL_DEVIATION
+    plane_normal_sigma: float = NOMINAL_NORMAL_DEVIATION
     #: Standard deviation of an unknown offset that all distances from the fixed point share [m]; 0 for none.
     distance_offset_sigma: float = 0.0
     #: Name and unit of every joint's column in the file of the series, in the arm's order.
@@ -505,7 +505,7 @@ class Series(Displayed):
             raise BenchError("expected distances and a fixed point together, or neither")
         if self.distance is not None:
             self._check_distances(self.distance)
-        elif self.normal is not None:
+        elif self.plane_normal is not None:
             raise BenchError("normal: expected heights over this plane too, got none")
         if self.rotation is not None:
             if self.rotation.shape != (rows, 3, 3):
@@ -516,11 +516,11 @@ class Series(Displayed):
         """Refuse distances that no instrument reads, and fields that exclude each other, by BenchError."""
         if self.rotation is not None or self.position.any():
             raise BenchError("a series of distances has neither positions nor orientations")
-        for name in ("fixed_point_sigma", "normal_sigma"):
+        for name in ("fixed_point_sigma", "plane_normal_sigma"):
             if not 0 < getattr(self, name) < np.inf:
                 raise BenchError(f"{name} [m, rad]: expected more than 0, got {getattr(self, name)}")
-        if self.normal is not None:
-            length = math.hypot(*self.normal)
+        if self.plane_normal is not None:
+            length = math.hypot(*self.plane_normal)
             if not abs(length - 1) < ASYMMETRY_TOLERANCE or self.distance_offset_sigma:
                 raise BenchError(
                     f"normal: expected a unit vector and no distance_offset_sigma, got length {length:g}"
@@ -541,7 +541,7 @@ class Series(Displayed):
         """
         if self.distance is None:
             return None
-        turn = 0.0 if self.normal is None else self.normal_sigma
+        turn = 0.0 if self.plane_normal is None else self.plane_normal_sigma
         return (
             *[self.fixed_point_sigma] * 3,
             *[turn] * 3,
@@ -620,7 +620,7 @@ def _unloaded_and_loaded(data: Dataset, name: str, frame: str, target: str) -> S
     rotation, doubled = None, select_rows(data, np.tile(np.arange(data.n_runs), 2))
     placed = (data.is_measured & ~data.is_line_reading)[..., None]  # a reading along a line is no position
     P = doubled.precision
-    if P is not None and doubled.direction is not None:
+    if P is not None and doubled.line_direction is not None:
         P = P * ~doubled.is_line_reading[..., None, None]
     if data.rotation_before is not None and data.rotation_after is not None:
         from scipy.spatial.transform import Rotation  # here: it takes long to import

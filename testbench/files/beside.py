@@ -437,8 +437,8 @@ def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float
 class PlacedLines:
     """Hold directions of the readings of every run and marker, as a dataset has them."""
 
-    direction: Array  #: Unit vectors, (runs, m, 3) [1]; zero for positions and without an instrument.
-    direction_deviation: Array  #: Standard deviations, (runs, m) [rad].
+    line_direction: Array  #: Unit vectors, (runs, m, 3) [1]; zero for positions and without an instrument.
+    line_direction_deviation: Array  #: Standard deviations, (runs, m) [rad].
     line_length: Array  #: Lengths of distances, (runs, m) [m]; 0 for gauges.
 
 

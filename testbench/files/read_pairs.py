@@ -881,13 +881,18 @@ def _with_lines(
     some, lost = np.isin(runs.leader, runs.row), ~data.is_measured
     at = np.searchsorted(runs.row, runs.leader[some]), read.marker[: len(some)][some]
     placed = place_lines(select_rows(lines, some), arm, data.markers, data.q, at)
-    own, along = np.full(lost.shape, data.sigma), np.asarray(placed.direction.any(axis=2) & ~lost)[..., None]
+    own, along = (
+        np.full(lost.shape, data.sigma),
+        np.asarray(placed.line_direction.any(axis=2) & ~lost)[..., None],
+    )
     own[at] = sigma[some]
     P = np.eye(3) / (2 * own[..., None, None] ** 2) * ~lost[..., None, None]
     P = P if covariances is None else covariances
     meter = placed.line_length[..., None] > 0  # read along the x axis before its direction was known
-    before, after = (np.where(meter, x[..., :1] * placed.direction, x) for x in (data.before, data.after))
-    P = np.where(along[..., None], line_precision(placed.direction, own), P)
+    before, after = (
+        np.where(meter, x[..., :1] * placed.line_direction, x) for x in (data.before, data.after)
+    )
+    P = np.where(along[..., None], line_precision(placed.line_direction, own), P)
     return replace(data, before=before, after=after, precision=P, **vars(placed))
 
 

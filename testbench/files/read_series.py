@@ -359,8 +359,8 @@ def _parted(
                 distance=part.position[:, :, 0],
                 fixed_point=(x, y, z),
                 fixed_point_sigma=float(fixed.sigma[first[rows]].max()),
-                normal=(normal[0], normal[1], normal[2]) if normal else None,
-                normal_sigma=float(fixed.tilt[first[rows]].max()),
+                plane_normal=(normal[0], normal[1], normal[2]) if normal else None,
+                plane_normal_sigma=float(fixed.tilt[first[rows]].max()),
                 distance_offset_sigma=float(fixed.zero_sigma[first[rows]].max()),
             )
         found.append(

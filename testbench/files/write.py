@@ -109,7 +109,7 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
                 (columns_of("reading", when), np.where(lost | lines, np.nan, places.reshape(-1, 3)))
             )
     sigma = np.full(n, data.sigma)
-    if data.direction is not None:
+    if data.line_direction is not None:
         blocks += _along_lines(data, arm)
         own = np.sqrt(
             np.trace(data.covariance, axis1=2, axis2=3) / np.where(data.is_line_reading, 2, 6)
@@ -138,17 +138,19 @@ def _lines_and_sigma(data: Dataset) -> bool:
     """Tell whether positions beside readings along lines have equal noise along every axis."""
     positions, C = data.is_measured & ~data.is_line_reading, data.covariance
     even = np.trace(C, axis1=2, axis2=3)[..., None, None] / 3 * np.eye(3)
-    return data.direction is not None and bool(np.allclose(C[positions], even[positions], rtol=1e-12, atol=0))
+    return data.line_direction is not None and bool(
+        np.allclose(C[positions], even[positions], rtol=1e-12, atol=0)
+    )
 
 
 def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
     """List the columns of travels and distances; NaN for other readings."""
-    assert data.direction is not None
-    assert data.direction_deviation is not None
+    assert data.line_direction is not None
+    assert data.line_direction_deviation is not None
     assert data.line_length is not None
     if data.tilt_error is not None:
         raise BenchError("dataset: expected the stated directions, got those of the loaded arm")
-    u, seen = data.direction, data.is_measured.reshape(-1, 1)
+    u, seen = data.line_direction, data.is_measured.reshape(-1, 1)
     lines = u.any(axis=2).reshape(-1, 1)
     gauge, meter = (
         lines & (data.line_length.reshape(-1, 1) == 0),
@@ -163,7 +165,7 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
         names = [f"travel_{when}_m" for when in WHEN]
         blocks += [([name], np.where(gauge, own, np.nan)) for name, own in zip(names, numbers, strict=True)]
         blocks.append((columns_of("direction"), np.where(gauge, u.reshape(-1, 3), np.nan)))
-        blocks.append((["tilt_rad"], np.where(gauge, data.direction_deviation.reshape(-1, 1), np.nan)))
+        blocks.append((["tilt_rad"], np.where(gauge, data.line_direction_deviation.reshape(-1, 1), np.nan)))
     if meter.any():
         if not isinstance(arm, Arm):
             raise BenchError("distances: expected the arm, to write the fixed points")
@@ -177,7 +179,7 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
         blocks.append(
             (
                 ["fixed_sigma_m"],
-                np.where(meter, (data.direction_deviation * data.line_length).reshape(-1, 1), np.nan),
+                np.where(meter, (data.line_direction_deviation * data.line_length).reshape(-1, 1), np.nan),
             )
         )
     return blocks
@@ -357,7 +359,7 @@ def _silent(arm: Arm, series: Sequence[Series], stem: str) -> set[str]:
         tuple(columns_of("force")): not any(s.wrench[:, :3].any() for s in series),
         tuple(columns_of("moment")): not any(s.wrench[:, 3:].any() for s in series),
         tuple(columns_of("point")): all((s.point == at).all() for s in series),
-        (*columns_of("direction"), "tilt_rad"): all(s.normal is None for s in series),
+        (*columns_of("direction"), "tilt_rad"): all(s.plane_normal is None for s in series),
         ("zero_sigma_m",): not any(s.distance_offset_sigma for s in series),
     }
     if set(first.markers) - set(arm.markers) and not groups["marker",]:
@@ -393,9 +395,9 @@ def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
         length = np.where(lost, np.nan, s.distance.reshape(-1, 1))
         blocks = [(["distance_m"], length), (columns_of("fixed"), np.tile(np.array(s.fixed_point), (n, 1)))]
         blocks.append((["fixed_sigma_m"], np.full(n, s.fixed_point_sigma)))
-        normal = np.full(3, np.nan) if s.normal is None else np.array(s.normal)
+        normal = np.full(3, np.nan) if s.plane_normal is None else np.array(s.plane_normal)
         blocks.append((columns_of("direction"), np.tile(normal, (n, 1))))
-        blocks.append((["tilt_rad"], np.full(n, np.nan if s.normal is None else s.normal_sigma)))
+        blocks.append((["tilt_rad"], np.full(n, np.nan if s.plane_normal is None else s.plane_normal_sigma)))
         blocks.append((["zero_sigma_m"], np.full(n, s.distance_offset_sigma)))
     return own | _cells(n, blocks, shown)
 

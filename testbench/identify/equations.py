@@ -138,7 +138,7 @@ def series_equations(unknowns: Unknowns, state: ArmState, series: Series) -> Arr
     if series.distance is not None:
         # A distance changes by the part along its beam; its fixed point has no axes that could turn.
         u, _ = distance_directions(state, series, equilibrium)
-        if series.normal is None:
+        if series.plane_normal is None:
             A[:, :, unknowns.columns(f"frame {series.frame}")][:, :, 3:] = 0
         A = u[:, :, None] * np.einsum("sxr,sxcr->scr", u, A)[:, None]
         if series.distance_offset_sigma:
@@ -168,9 +168,9 @@ def distance_directions(
         equilibrium.chain.tool_points_in_world(state.mount(series).points)
         + frame.translation @ frame.rotation
     )
-    if series.normal is not None:
-        u = frame.rotation.T @ series.normal
-        height = beam @ u - np.dot(series.normal, np.array(series.fixed_point))
+    if series.plane_normal is not None:
+        u = frame.rotation.T @ series.plane_normal
+        height = beam @ u - np.dot(series.plane_normal, np.array(series.fixed_point))
         return np.broadcast_to(u[:, None], (beam.shape[1], 3, len(beam))), height.T
     length = np.linalg.norm(beam, axis=2)
     return (beam / length[..., None]).transpose(1, 2, 0), length.T + frame.distance_offset
@@ -283,9 +283,9 @@ def whiten_deflections(A: Array, data: Dataset, run_indices: Ids, groups: Ids | 
     lost, lines = np.asarray(~precision.any(axis=(2, 3))), data.is_line_reading[run_indices].T
     root = np.linalg.cholesky(np.where((lost | lines)[..., None, None], np.eye(3), precision))
     if (
-        data.direction is not None
+        data.line_direction is not None
     ):  # the first column of the root is u over the deviation, the others are zero
-        u = data.direction[run_indices].swapaxes(0, 1)[lines]
+        u = data.line_direction[run_indices].swapaxes(0, 1)[lines]
         root[lines] = 0
         root[lines, :, 0] = u * np.sqrt(np.trace(precision[lines], axis1=1, axis2=2))[:, None]
     A[:m] = np.einsum("srxy,sxcr->sycr", root, A[:m], optimize=True)
@@ -340,17 +340,17 @@ def resolve_line_readings(vjm: Vjm, data: Dataset) -> Dataset:
         line, or the correction was made already.
     """
     if (
-        data.direction is None
-        or data.direction_deviation is None
+        data.line_direction is None
+        or data.line_direction_deviation is None
         or data.line_length is None
         or data.tilt_error is not None
     ):
         return data
     d, turn = predicted_motion(vjm, data)
-    u, lines = data.direction, data.is_line_reading[..., None]
+    u, lines = data.line_direction, data.is_line_reading[..., None]
     moved = np.where(lines, directions_under_load(u, data.line_length, d, turn), 0.0)
     # The number read, its variance, and the error by the direction that readings of one set-up share.
-    slide = data.direction_deviation[..., None] * np.cross(moved, d)
+    slide = data.line_direction_deviation[..., None] * np.cross(moved, d)
     assert data.precision is not None
     weight = np.trace(data.precision, axis1=2, axis2=3)
     variance = np.where(data.is_line_reading, 1 / np.where(data.is_line_reading, weight, 1.0), 1.0) + (
@@ -359,7 +359,7 @@ def resolve_line_readings(vjm: Vjm, data: Dataset) -> Dataset:
     number = (u * data.deflection).sum(axis=2, keepdims=True)
     return replace(
         data,
-        direction=moved,
+        line_direction=moved,
         after=np.where(lines, data.before + moved * number, data.after),
         precision=np.where(lines[..., None], line_precision(moved, np.sqrt(variance / 2)), data.precision),
         tilt_error=slide,

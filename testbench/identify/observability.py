@@ -658,8 +658,8 @@ def with_zero_readings(data: Dataset, **changes: object) -> Dataset:
             "precision",
             "station",
             "unloaded_after_load",
-            "direction",
-            "direction_deviation",
+            "line_direction",
+            "line_direction_deviation",
             "line_length",
             "tilt_error",
         )

@@ -515,7 +515,7 @@ def reduce_by_group(
 
     factors = [TriangularFactors(s.n_parameters + 1) for s in separate]
     check_runs(vjm, data)
-    data, lines = resolve_line_readings(vjm, data), data.direction is not None
+    data, lines = resolve_line_readings(vjm, data), data.line_direction is not None
     # Rows are made and folded block by block, so that memory does not grow with the runs.
     for these in _blocks_of(group, data.pose_id if lines else np.arange(len(group))):
         load = Load(data.wrench[these], data.point[these])
@@ -664,7 +664,7 @@ def reduce_series(
             factors = [part.factor(kind, [0]) for kind in kinds]
             numbers = 1 if readings.distance is None else 3  # two of three rows of a distance are zero
             counts = np.array([part.n_equations[kind, 0] for kind in kinds]) // numbers
-            grams, face = np.array([T.T @ T for T in factors]), readings.normal is not None
+            grams, face = np.array([T.T @ T for T in factors]), readings.plane_normal is not None
             parts.append(SeriesBlock(place, grams, counts, face))
             whole.merge(part)
     return ReducedReadings(kinds, tuple(parts), {kind: whole.factor(kind, [0]) for kind in kinds})

@@ -265,12 +265,12 @@ def _read_from(calibrated: Calibrated, rows: Row) -> list[draw.Layer]:
             continue
         frame, own = state.frame(series), rows.name == series.name
         _, _, found = deviation_from_stated(series, frame)
-        place = series.frame, series.fixed_point, series.normal
-        if series.normal is None:
+        place = series.frame, series.fixed_point, series.plane_normal
+        if series.plane_normal is None:
             points.setdefault(place, (series.name, found))
             start[own] = np.where(np.isfinite(rows.read[own]), found, np.nan)
         else:
-            normal = frame.rotation.T @ series.normal
+            normal = frame.rotation.T @ series.plane_normal
             plane_faces.setdefault(place, (series.name, found, normal))
             off = rows.read[own] - found
             across = np.linalg.norm(off - (off @ normal)[..., None] * normal, axis=-1)

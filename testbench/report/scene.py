@@ -498,10 +498,10 @@ def read_along(data: Dataset, tool: Array, reach: float) -> list[Layer]:
     Returns:
         The layers; none for positions alone.
     """
-    if data.direction is None or data.line_length is None:
+    if data.line_direction is None or data.line_length is None:
         return []
     along, length = (
-        np.where(data.is_line_reading[..., None], data.direction, 0.0),
+        np.where(data.is_line_reading[..., None], data.line_direction, 0.0),
         data.line_length[..., None],
     )
     marker = np.where(data.is_line_reading[..., None] & (length > 0), data.before, np.nan)

@@ -278,7 +278,7 @@ def of_held(calibration: Calibration) -> list[str]:
         if series.distance is not None:
             off, turn, found = deviation_from_stated(series, calibration.state.frame(series))
             place = f"found at {', '.join(f'{x:.4f}' for x in found)} m, {1e3 * off:.1f} mm"
-            if series.normal is None:
+            if series.plane_normal is None:
                 zero = calibration.state.frame(series).distance_offset
                 place = f"its fixed point is {place} from where it is stated"
                 place += (

@@ -547,7 +547,7 @@ def read_instruments(
         )
     settled = settle_both(cell.plant, truth, loaded.q, loaded.wrench, loaded.point)
     parts = [_read(cell, loaded, settled, layer, rng) for layer in _layers(cell, mounted)]
-    if probes or all(part.direction is None for part in parts):
+    if probes or all(part.line_direction is None for part in parts):
         data = concatenate_rows(parts)
     else:
         data = concatenate_rows([_with_lines(part) for part in parts])
@@ -618,8 +618,8 @@ def _read(
         after=read[1],
         sigma=layer[0].instrument.sigma,
         precision=None if whole else P,
-        direction=direction if lines else None,
-        direction_deviation=tilt if lines else None,
+        line_direction=direction if lines else None,
+        line_direction_deviation=tilt if lines else None,
         line_length=reach if lines else None,
         **turned,  # type: ignore[arg-type]
     )
@@ -642,11 +642,15 @@ def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
 
 def _with_lines(data: Dataset) -> Dataset:
     """Give data of positions alone the fields of readings along lines."""
-    if data.direction is not None:
+    if data.line_direction is not None:
         return data
     none = np.zeros(data.before.shape[:2])
     P = np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (*data.before.shape, 3)).copy()
     P = P if data.precision is None else data.precision
     return replace(
-        data, direction=np.zeros_like(data.before), direction_deviation=none, line_length=none, precision=P
+        data,
+        line_direction=np.zeros_like(data.before),
+        line_direction_deviation=none,
+        line_length=none,
+        precision=P,
     )

@@ -90,10 +90,10 @@ def numbers_read(data: Dataset, residuals: Array) -> Array:
     Returns:
         The residuals of those numbers, (numbers,) [m].
     """
-    if data.direction is None:
+    if data.line_direction is None:
         return np.ravel(residuals[data.is_measured])
     placed, lines = data.is_measured & ~data.is_line_reading, data.is_measured & data.is_line_reading
-    along = (data.direction * residuals).sum(axis=2)
+    along = (data.line_direction * residuals).sum(axis=2)
     return np.concatenate([np.ravel(residuals[placed]), along[lines]])
 
 

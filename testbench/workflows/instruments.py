@@ -258,8 +258,8 @@ def distances_of(own: Mounted, bare: Series, read: Array) -> Series:
         distance=np.where(seen, read[:, None], 0.0),
         fixed_point=tuple(own.fixed.tolist()),
         fixed_point_sigma=max(own.instrument.fixed_point_sigma, NOMINAL_FIXED_POINT_DEVIATION),
-        normal=normal,
-        normal_sigma=tilt,
+        plane_normal=normal,
+        plane_normal_sigma=tilt,
         distance_offset_sigma=zero,
     )
 

@@ -504,8 +504,8 @@ def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series,
         )
         for own, name in zip(instruments, names_of(instruments), strict=True)
     ]
-    points = tuple(one for one in every if one.normal is None)
-    planes = [one for one in every if one.normal is not None]
+    points = tuple(one for one in every if one.plane_normal is None)
+    planes = [one for one in every if one.plane_normal is not None]
     return tuple((plane, *points) for plane in planes) or ((points,) if points else ())
 
 

@@ -567,7 +567,7 @@ def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False, gauges: boo
 def face_words(made: Planned) -> list[str] | None:
     """Write the plane that is touched in every pose, such as "plane 2"; None without planes."""
     kinds = made.union.readings_by_kind if isinstance(made, AbsolutePlanned) else ()
-    if not kinds or kinds[0][0].normal is None:
+    if not kinds or kinds[0][0].plane_normal is None:
         return None
     return [kinds[k][0].name for k in made.plan.load_index]
 

@@ -174,7 +174,9 @@ def test_touches_of_planes_leave_the_scale_of_the_arm_open_and_heights_show_it(
             series_equations(unknowns, state, one)[0, :, : unknowns.first_columns["elastic"]]
             for one in series
         ]
-        normal = [np.einsum("x,xcr->rc", one.normal, own) for one, own in zip(series, rows, strict=True)]
+        normal = [
+            np.einsum("x,xcr->rc", one.plane_normal, own) for one, own in zip(series, rows, strict=True)
+        ]
         size = np.linalg.svd(np.concatenate(normal), compute_uv=False)
         assert (size > 1e-6 * size[0]).sum() == expected
 
@@ -292,7 +294,7 @@ def test_faces_and_fixed_points_are_drawn_where_they_were_found(stiff, touched, 
     for k, one in enumerate(every):
         own = np.array([name.startswith(f"{one.name},") for name in group.names])
         read_there = [numbers[name] for name in np.array(group.names)[own]]
-        if one.normal is None:
+        if one.plane_normal is None:
             away = np.linalg.norm(at[own] - lines.at[own, 0], axis=1)
             np.testing.assert_allclose(away, read_there, atol=1e-6)
         else:
@@ -336,13 +338,13 @@ def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(k
     assert [one.frame for one in again] == [one.frame for one in named]
     for one, own in zip(again, named, strict=True):
         np.testing.assert_allclose(one.distance, own.distance, atol=1e-15)
-        assert (one.fixed_point, one.normal, one.distance_offset_sigma) == (
+        assert (one.fixed_point, one.plane_normal, one.distance_offset_sigma) == (
             own.fixed_point,
-            own.normal,
+            own.plane_normal,
             own.distance_offset_sigma,
         )
         assert one.frame_deviations == own.frame_deviations
-    rough = replace(again[0], normal_sigma=2 * again[0].normal_sigma)
+    rough = replace(again[0], plane_normal_sigma=2 * again[0].plane_normal_sigma)
     for block in ((rough, again[1]), (again[1], rough)):  # the largest of its faces, in any order
         unknowns = unknowns_of(kr500.vjm, block, JointErrorTerms(), joints_only(kr500.arm))
         assert unknowns.frame_deviations["d block"] == rough.frame_deviations
@@ -387,7 +389,7 @@ def test_rows_of_a_table_with_a_direction_are_heights_over_a_plane(kr500, tmp_pa
     export = read_series(file, kr500.arm)
     plane, point = export.series
     assert (plane.name, point.name) == ("d plane 1", "d point 2")
-    assert (plane.normal, point.normal) == ((0.0, 0.0, 1.0), None)
+    assert (plane.plane_normal, point.plane_normal) == ((0.0, 0.0, 1.0), None)
     np.testing.assert_allclose(plane.distance, [[0], [-1.5e-3]])
     assert any("in 2 rows: 0.5 deg for the direction is assumed" in note for note in export.notes)
 
@@ -419,7 +421,7 @@ def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, n
             "do not fit this arm and a plane through 2.3, 0, 1.4 m",
             marks=pytest.mark.study,
         ),
-        (lambda one: {"normal": (-0.6, 0.0, 0.8)}, "another .*normal"),
+        (lambda one: {"plane_normal": (-0.6, 0.0, 0.8)}, "another .*normal"),
         pytest.param(
             lambda one: {"fixed_point": (1.7, 0.0, 1.4)}, "its plane is 0.60. m and", marks=pytest.mark.study
         ),

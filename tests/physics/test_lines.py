@@ -79,7 +79,7 @@ def test_rows_of_readings_along_lines_are_the_derivatives_of_what_the_instrument
                 + np.einsum("rxy,rky->rkx", turn, arms)
             )
             if kind == "gauge":
-                u = data.direction
+                u = data.line_direction
                 read.append([tip_travel(u[:, k], u[:, k], start[:, k], end[:, k], turn) for k in range(3)])
             else:
                 read.append(np.linalg.norm(end - FIXED, axis=2).T)
@@ -155,7 +155,7 @@ def test_readings_of_one_set_up_share_their_tilt_and_no_others_do(kr500):
     )
     structure = joints_only(kr500.arm)
     A = unresolved_rows(kr500, data, structure)
-    y = (data.direction * data.deflection).sum(axis=2).T
+    y = (data.line_direction * data.deflection).sum(axis=2).T
     rows = np.concatenate([A.transpose(0, 2, 1), y[..., None]], axis=2).reshape(
         -1, structure.n_parameters + 1
     )
@@ -207,14 +207,14 @@ def test_a_tracker_and_gauges_read_one_after_the_other_give_a_run_each(kr500):
 def test_wrong_readings_along_lines_are_refused(kr500):
     data = measured(kr500, XYZ)
     for change, words in (
-        ({"direction_deviation": None}, "together"),
+        ({"line_direction_deviation": None}, "together"),
         ({"precision": None}, "expected their precision"),
-        ({"direction": 2 * data.direction}, "unit vectors"),
+        ({"line_direction": 2 * data.line_direction}, "unit vectors"),
         (
-            {"direction_deviation": data.direction_deviation - 1},
-            "direction_deviation .rad.: expected 0 or more",
+            {"line_direction_deviation": data.line_direction_deviation - 1},
+            "line_direction_deviation .rad.: expected 0 or more",
         ),
-        ({"precision": line_precision(np.roll(data.direction, 1, axis=2), 1e-6)}, "u u.T"),
+        ({"precision": line_precision(np.roll(data.line_direction, 1, axis=2), 1e-6)}, "u u.T"),
     ):
         with pytest.raises(BenchError, match=words):
             replace(data, **change)

@@ -339,7 +339,7 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
     unknowns = union.unknowns
     rows = absolute.whitened_rows(replace(union, L=np.eye(unknowns.size)), q, pose_kind=np.full(2, kind))
     readers = union.readings_by_kind[kind]
-    assert [one.normal is None for one in readers] == [False, True]
+    assert [one.plane_normal is None for one in readers] == [False, True]
     assert len({one.frame for own in union.readings_by_kind for one in own[:1]}) == 1  # a block
 
     def read(way):

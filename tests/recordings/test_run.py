@@ -579,7 +579,12 @@ def test_what_reads_along_lines_is_drawn_and_a_lost_reading_is_not(kr500):
     lost = replace(data, precision=data.precision * np.array([[0, 1, 1]])[..., None, None])
     assert [layer.name for layer in read_along(lost, tool, reach)] == ["distances"]
     plain = replace(
-        data, direction=None, direction_deviation=None, line_length=None, tilt_error=None, precision=None
+        data,
+        line_direction=None,
+        line_direction_deviation=None,
+        line_length=None,
+        tilt_error=None,
+        precision=None,
     )
     assert read_along(plain, tool, reach) == []
 

@@ -168,9 +168,9 @@ def test_a_gauge_counts_as_one_residual_and_a_lost_target_as_none(fitted, rng):
     precision[2, 2] = 0
     data = replace(
         runs,
-        direction=direction,
+        line_direction=direction,
         precision=precision,
-        direction_deviation=np.zeros(shape),
+        line_direction_deviation=np.zeros(shape),
         line_length=np.zeros(shape),
     )
     along, vectors = rng.standard_normal(4), rng.standard_normal((4, 3, 3))

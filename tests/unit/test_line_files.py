@@ -48,7 +48,7 @@ def test_readings_along_lines_are_read_back(kr500, tmp_path, instruments):
         np.testing.assert_array_equal(getattr(again, name), getattr(data, name))
     np.testing.assert_array_equal(again.is_measured, data.is_measured)
     np.testing.assert_array_equal(again.is_line_reading, data.is_line_reading)
-    for name in ("before", "after", "direction", "direction_deviation", "line_length"):
+    for name in ("before", "after", "line_direction", "line_direction_deviation", "line_length"):
         own = [
             np.where(data.is_measured.reshape(*data.is_measured.shape, *[1] * (x.ndim - 2)), x, 0)
             for x in (getattr(again, name), getattr(data, name))
@@ -87,7 +87,7 @@ def test_a_workshops_table_of_gauges_needs_no_position(kr500, tmp_path):
     data = read_csv(file, kr500.arm)
     assert data.is_line_reading.tolist() == [[True, True, False]]
     np.testing.assert_allclose(data.deflection[0, 0], [-0.988e-3, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(np.rad2deg(data.direction_deviation[0]), [0.5, 1.0, 0.0])
+    np.testing.assert_allclose(np.rad2deg(data.line_direction_deviation[0]), [0.5, 1.0, 0.0])
     zeroed = GAUGES.replace("travel_unloaded_mm,", "").replace("10.000,", "").replace("10.001,", "")
     file.write_text(zeroed.replace("P3,10,-60,80,5,30,0,460,,,,", "P3,10,-60,80,5,30,0,460,,,"))
     np.testing.assert_allclose(read_csv(file, kr500.arm).deflection[0, 0, 0], 9.012e-3)
@@ -98,7 +98,7 @@ def test_what_a_file_does_not_say_is_assumed_and_said(kr500, tmp_path):
     file.write_text("\n".join(",".join(line.split(",")[:-2]) for line in GAUGES.splitlines()) + "\n")
     export = read_export(file, kr500.arm)
     assert any("0.5 deg for the direction is assumed" in note for note in export.notes)
-    np.testing.assert_allclose(np.rad2deg(export.data.direction_deviation[0, 1]), 0.5)
+    np.testing.assert_allclose(np.rad2deg(export.data.line_direction_deviation[0, 1]), 0.5)
 
 
 @pytest.mark.parametrize(

@@ -417,7 +417,7 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
         known = mounts.get(readings.mount)
         if readings.frame in frames and known is not None and set(readings.markers) <= set(known.markers):
             continue
-        block_faces = [one for one in series if one.normal is not None and one.frame == readings.frame]
+        block_faces = [one for one in series if one.plane_normal is not None and one.frame == readings.frame]
         try:
             frame, mount = align(
                 replace(state, frames=frames, mounts=mounts), without_unread_targets(readings), block_faces
@@ -560,7 +560,7 @@ def stated_frame(series: Series) -> Frame:
     Args:
         series: Distances to a point, or heights over a plane.
     """
-    point = series.fixed_point is not None and series.normal is None
+    point = series.fixed_point is not None and series.plane_normal is None
     return Frame(np.eye(3), -np.array(series.fixed_point) if point else np.zeros(3))
 
 
@@ -577,7 +577,7 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
         BenchError: When one of these is so.
     """
     assert series.distance is not None
-    far, plane = float(np.median(np.abs(left[1]))), series.normal is not None
+    far, plane = float(np.median(np.abs(left[1]))), series.plane_normal is not None
     place = ", ".join(f"{own:.4g}" for own in series.fixed_point or ())
     if not far < MAX_NOMINAL_DISTANCE * state.vjm.reach:
         read = series.distance[series.is_measured]
@@ -589,7 +589,7 @@ def _check_placed(state: ArmState, series: Series, left: tuple[Array, Array], fr
         )
     off, turn, found = deviation_from_stated(series, frame)
     if (
-        max(off / series.fixed_point_sigma, turn / series.normal_sigma if plane else 0.0)
+        max(off / series.fixed_point_sigma, turn / series.plane_normal_sigma if plane else 0.0)
         > MAX_POINT_DEVIATIONS
     ):
         what, other = ("plane", "normal") if plane else ("fixed point", "point")
@@ -614,10 +614,10 @@ def deviation_from_stated(series: Series, frame: Frame) -> tuple[float, float, A
         the stated one, in base axes, (3,) [m].
     """
     fixed = np.array(series.fixed_point)
-    if series.normal is None:
+    if series.plane_normal is None:
         found = -frame.rotation.T @ frame.translation
         return float(np.linalg.norm(found - fixed)), 0.0, found
-    normal = np.array(series.normal)
+    normal = np.array(series.plane_normal)
     u = frame.rotation.T @ normal
     height = float(normal @ (frame.rotation @ fixed + frame.translation - fixed))
     turn = float(np.arctan2(np.linalg.norm(np.cross(u, normal)), u @ normal))
@@ -733,7 +733,7 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
     if poses < MIN_REGISTRATION_POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
         return f"{few}; expected at least {MIN_REGISTRATION_POSES}, in which {turn} joints turn"
-    if series.normal is not None and _touches_in_a_row(vjm, series):
+    if series.plane_normal is not None and _touches_in_a_row(vjm, series):
         return "its poses touch the plane along a line and do not determine its tilt; spread them all over it"
     if len(joints) < min(turn, vjm.arm.n_joints):
         expected = f"{numbers} need {turn} joints that turn, or another series of its frame or mount"
@@ -747,9 +747,9 @@ def _touches_in_a_row(vjm: Vjm, series: Series) -> bool:
     targets = np.array([drawn.get(name, np.zeros(3)) for name in series.markers])
     position, rotation = tool_poses(vjm, series.q)
     points = (position[:, None] + targets @ rotation.swapaxes(1, 2))[series.is_measured]
-    across = np.linalg.svd(np.array([series.normal]))[2][1:]  # two axes in the plane
+    across = np.linalg.svd(np.array([series.plane_normal]))[2][1:]  # two axes in the plane
     lever = np.linalg.svd((points - points.mean(axis=0)) @ across.T, compute_uv=False)[-1]
-    return bool(lever * series.normal_sigma < ASSUMED_NOISE)
+    return bool(lever * series.plane_normal_sigma < ASSUMED_NOISE)
 
 
 def _misfit(state: ArmState, series: Series, placed: _AlignedSeries | None) -> Misfit:

@@ -241,7 +241,7 @@ def _check_points(series: Sequence[Series]) -> None:
             "positions"
             if readings.fixed_point is None
             else str(readings.fixed_point)
-            if readings.normal is None
+            if readings.plane_normal is None
             else "planes"
         )
         stated += (

@@ -384,10 +384,10 @@ def _rows(vjm: Vjm, series: Series) -> Array:
         assert series.fixed_point is not None
         beam = position - np.array(series.fixed_point)
         u = beam / np.linalg.norm(beam, axis=1, keepdims=True)
-        if series.normal is None:
+        if series.plane_normal is None:
             J[:, :, :, :3] = 0
         else:
-            u = np.tile(series.normal, (n, 1))
+            u = np.tile(series.plane_normal, (n, 1))
         J = u[:, None, :, None] * np.einsum("nx,nmxk->nmk", u, J)[:, :, None]
     there = np.column_stack([series.is_measured[rows], series.is_oriented[rows]])
     return np.asarray(J[there].reshape(-1, J.shape[3]))
@@ -806,8 +806,8 @@ def unknowns_of(
     for readings in series:
         if (sizes := readings.frame_deviations) is not None:  # of faces of one block the largest
             fixed[readings.frame] = tuple(map(max, sizes, fixed.get(readings.frame, sizes)))
-        if readings.normal is not None:
-            normals[readings.frame] = (*normals.get(readings.frame, ()), readings.normal)
+        if readings.plane_normal is not None:
+            normals[readings.frame] = (*normals.get(readings.frame, ()), readings.plane_normal)
     return Unknowns(
         vjm,
         frames,

@@ -175,7 +175,9 @@ def _scores(cell: Cell, data: Sequence[Dataset], fits: Fits) -> dict[tuple[int, 
     for one in {id(own): own for own in data}.values():
         keys = [(k, name) for k, own in enumerate(data) if own is one for name in fits]
         moved = deflections_of_models(cell.vjm, [fits[name][k] for k, name in keys], one)
-        some = slice(None) if one.direction is None else one.is_measured  # along lines, what was read alone
+        some = (
+            slice(None) if one.line_direction is None else one.is_measured
+        )  # along lines, what was read alone
         own_score = (score(one.measured_components(own)[some], one.deflection[some]) for own in moved)
         found |= dict(zip(keys, own_score, strict=True))
     return found
