@@ -437,7 +437,7 @@ class Series(Displayed):
     series with the same `mount` share unknown positions of the targets on the tool. The arm does not move
     between rows with the same `pose_id`, such as without and with a load, so that they share one model error.
 
-    Distances are read from a fixed point (ballbar, draw-wire), or as heights over a plane with `plane_normal`.
+    Distances are from a fixed point (ballbar, draw-wire), or heights over a plane if `plane_normal` is set.
     """
 
     name: str  #: Name in reports, such as the file's name.
