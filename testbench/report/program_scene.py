@@ -209,7 +209,9 @@ def _poses(made: Predicted, some: Ids, M: float, G: float) -> draw.PoseGroup:
             *acting,
             draw.Layer("tool and markers, unloaded", NOMINAL, "dots", start),
             draw.Layer("deflection", MEASURED, "arrows", start, end),
-            draw.Layer("where a force moves it", GCO, "lines", end[:, :1] - ways, end[:, :1] + ways),
+            draw.Layer(
+                "semi-axes of the ellipsoid in this pose", GCO, "lines", end[:, :1] - ways, end[:, :1] + ways
+            ),
         ],
         first=int(prediction.deflection_length[some, 0].argmax()),
     )
