@@ -169,7 +169,7 @@ def test_control_characters_on_the_command_line_are_refused(name, attack, lab):
 @pytest.mark.parametrize("name", ["[/nope]", "$\\frac", "A" * 100_000, "\u202ea", "..", "/"])
 def test_what_is_no_arm_is_said_in_a_line(name, attack, lab):
     refused = attack(lab, "check", name)
-    refused.refused("elastic.toml" if name in ("..", "/") else "expected a folder")
+    refused.refused("elastic.toml" if name in ("..", "/") else "expected the folder of an arm")
     assert len(refused.err) <= 2100
 
 

@@ -32,7 +32,7 @@ WRONG = [
     ("noise_sensitivity", "--sigma-um 0", "--sigma-um: expected at least one level above 0"),
     ("pose_selection", "--seeds 0", "seeds"),
     ("pose_selection", "--workers 0", "workers"),
-    ("pose_selection", "--arm nowhere", "expected a folder"),
+    ("pose_selection", "--arm nowhere", "expected the folder of an arm"),
     ("regimes", "--truth joints --truth rust", "--truth: expected different ones of tubes, off_10"),
     ("single_link", "--seeds 0", "--seeds: expected at least 1, got '0'"),
     ("single_link", "--seeds two", "--seeds: expected an integer, got 'two'"),
