@@ -381,21 +381,12 @@ class Identifiability:
     parameter_components: tuple[str, ...]  #: Name of the link or joint of every parameter, n names.
     #: Row and column of every parameter in its link's compliance, (n, 2); -1 for a joint.
     parameter_entries: Array
-    prior_name: str  #: Name of the prior.
-    prior_uncertainty: float  #: Relative standard deviation of the prior, u [1].
     rank: int  #: Number of directions of pi that the dataset observes.
-    max_rank_under_loads: int  #: Rank of a dataset with these loads and markers in any number of poses.
-    max_rank_of_structure: int  #: Rank of a dataset with any loads, markers and poses.
     #: Largest number of independent equations in the dataset: 6 per pose and load with a full reading.
     max_independent_equations: int
-    n_poses: int  #: Number of different poses in the dataset.
     lost_to_structure: tuple[UnobservableDirection, ...]  #: Directions that no dataset observes.
-    unloaded_parameters: tuple[
-        int, ...
-    ]  #: Indices of the parameters that no pose under these loads deflects.
-    lost_to_loads: tuple[
-        UnobservableDirection, ...
-    ]  #: Further directions that no pose under these loads observes.
+    #: Further directions that no pose under these loads observes.
+    lost_to_loads: tuple[UnobservableDirection, ...]
     #: Participation of every parameter in the directions lost to too few poses, 0 to 1, (n,) [1].
     participation_lost_to_poses: Array
     #: Share of the prior variance of every parameter that the readings explain, at a known common scale of
@@ -408,7 +399,8 @@ class Identifiability:
     @property
     def n_lost_to_poses(self) -> int:
         """Count the directions that more poses under the same loads would observe."""
-        return self.max_rank_under_loads - self.rank
+        lost = len(self.lost_to_structure) + len(self.lost_to_loads)
+        return self.structure.n_parameters - lost - self.rank
 
 
 def describe_identifiability(
@@ -446,15 +438,9 @@ def describe_identifiability(
         structure=structure,
         parameter_components=component,
         parameter_entries=entry,
-        prior_name=prior.name,
-        prior_uncertainty=uncertainty.relative,
         rank=structure.n_parameters - null_space(own).shape[1],
-        max_rank_under_loads=structure.n_parameters - len(to_structure) - len(to_loads),
-        max_rank_of_structure=structure.n_parameters - len(to_structure),
         max_independent_equations=_equations(vjm, data),
-        n_poses=len(np.unique(data.q, axis=0)),
         lost_to_structure=tuple(map(describe_direction, to_structure)),
-        unloaded_parameters=tuple(np.flatnonzero(zero_columns(loads)).tolist()),
         lost_to_loads=tuple(map(describe_direction, to_loads)),
         participation_lost_to_poses=parameter_participation(null_space(own), null_space(loads), unit),
         explained_share=_share(known, scaled, uncertainty),
