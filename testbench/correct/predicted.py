@@ -54,7 +54,7 @@ from testbench.model.vjm import (
 MAX_SAMPLED_POSES = 60  #: Largest number of poses, evenly spaced, that `largest_uncertainty` evaluates.
 #: Least share of the variance for `largest_uncertainty` to name a link, a joint or another cause [1].
 MIN_VARIANCE_SHARE = 0.5
-MIN_SHARE_RATIO = 1.2  #: Least ratio of this share to the second largest one [1].
+MIN_SHARE_OVER_SECOND = 1.2  #: Least ratio of this share to the second largest one [1].
 
 
 @dataclass(frozen=True)
@@ -294,7 +294,7 @@ def largest_uncertainty(
         of_positions: Whether to consider the uncertainty of positions, not of deflections by the loads.
 
     Returns:
-        The cause; None where no single one reaches `MIN_VARIANCE_SHARE` and `MIN_SHARE_RATIO`.
+        The cause; None where no single one reaches `MIN_VARIANCE_SHARE` and `MIN_SHARE_OVER_SECOND`.
 
     Raises:
         NoEquilibrium: When the arm cannot carry a load; the message names the pose.
@@ -306,7 +306,7 @@ def largest_uncertainty(
     unseen = np.isinf(model.posterior.standard_deviations(rows))
     shares = _bounded_shares(model, rows[unseen]) if unseen.any() else _variance_shares(model, rows)
     (best, share), (_, second) = sorted(((k, s) for k, s in shares.items()), key=lambda entry: -entry[1])[:2]
-    if share < MIN_VARIANCE_SHARE or share < MIN_SHARE_RATIO * second:
+    if share < MIN_VARIANCE_SHARE or share < MIN_SHARE_OVER_SECOND * second:
         return None
     return LargestUncertainty(best, share, best in [joint.name for joint in model.arm.joints])
 
