@@ -883,7 +883,7 @@ def test_gauges_and_wires_are_known_by_their_names(name, tmp_path):
     )
     found = pairs(file)
     assert found.is_line_reading[:, found.markers.index("P1")].all()
-    along = np.einsum("ri,ri->r", found.deflection[:, 0], found.direction[:, 0])
+    along = np.einsum("ri,ri->r", found.deflection[:, 0], found.line_direction[:, 0])
     np.testing.assert_allclose(along, moved, rtol=0, atol=1e-12)
 
 

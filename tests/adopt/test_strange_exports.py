@@ -609,8 +609,8 @@ def test_gauges_are_read_to_the_last_digit(name, tmp_path):
     found = pairs(file)
     assert found.is_line_reading.all()
     order = [found.markers.index(marker) for marker in ("P1", "P2", "P3")]
-    rise = np.einsum("rmi,rmi->rm", found.deflection, found.direction)[:, order]
-    signs = found.direction[:, order, 2]
+    rise = np.einsum("rmi,rmi->rm", found.deflection, found.line_direction)[:, order]
+    signs = found.line_direction[:, order, 2]
     np.testing.assert_allclose(np.abs(signs), 1, rtol=0, atol=1e-12)
     np.testing.assert_allclose(rise * signs, 1e-3 * RISE, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.q, RAD, rtol=0, atol=1e-9)
@@ -650,7 +650,7 @@ def test_gauges_that_touch_one_target_in_turn_are_paired_each_with_itself(tmp_pa
     found = pairs(file)
     assert found.n_runs == 3 * N
     moved = found.deflection[:, 0]
-    np.testing.assert_allclose(moved, 1e-3 * found.direction[:, 0] * [1, 2, 3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(moved, 1e-3 * found.line_direction[:, 0] * [1, 2, 3], rtol=0, atol=1e-12)
     rows[0][-1] = "-X"
     file.write_text(table(header, rows))
     with pytest.raises(InputError, match="expected an unloaded reading in pose 1"):

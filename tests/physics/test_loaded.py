@@ -239,7 +239,7 @@ def test_wrong_masses_are_mended_to_the_noise_of_the_torques(name, sign, request
 
     assert error(found.body_masses) < 0.3 * sigma < 3 * sigma < error(weights)
     assert found.are_motor_torques == (sign == -1)
-    assert ("those of the weight" in of_masses(found)) == (sign == 1)
+    assert ("the torques of the weight" in of_masses(found)) == (sign == 1)
 
 
 def test_torques_that_are_not_of_the_weight_change_no_mass_and_none_beyond_its_bounds(kr500, rng):
