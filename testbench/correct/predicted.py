@@ -83,8 +83,8 @@ class LoadedPoses:
             self.q[poses], [load.select(poses) for load in self.loads], self.with_own_weight, known
         )
 
-    def is_unloaded(self, other: "LoadedPoses") -> bool:
-        """Tell whether these poses have no load and the same joints as other poses.
+    def is_unloaded_state_of(self, other: "LoadedPoses") -> bool:
+        """Tell whether these poses have the joints of other poses, but carry no load.
 
         Args:
             other: The other poses.
@@ -140,7 +140,7 @@ def motion_half_widths(
             loaded_poses = end_poses.select(batch)
             free = (
                 before
-                if before is not None and before.is_unloaded(loaded_poses)
+                if before is not None and before.is_unloaded_state_of(loaded_poses)
                 else LoadedPoses(loaded_poses.q)
             )
             half = np.hypot(half, linear_model_error(model, loaded_poses, free, points))

@@ -162,8 +162,8 @@ def _position_changes(setup: AbsoluteSetup, q: Array) -> Array:
     return np.asarray(positions.transpose(3, 0, 1, 2).reshape(len(q), -1, positions.shape[2]))
 
 
-def scale_sensitivity(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
-    """Compute how the scale of all target positions, the size of the arm, changes per unit of the unknowns x.
+def position_scale_jacobian(setup: AbsoluteSetup, rows: Array, q: Array) -> tuple[Array, float]:
+    """Compute the relative change of the size of all target positions together per unit of the unknowns x.
 
     Args:
         setup: Unknowns, and readings of a pose.

@@ -179,7 +179,7 @@ IMPROVEMENT_ROUNDS, IMPROVED_POSES = 2, 60
 """Rounds in which the poses with most relaxed weight are improved, and number of these poses in a round."""
 MAX_GAUGED_POSES = 1000
 """Most poses among which poses with gauges are exchanged: those with the most information."""
-BOUND_ROUNDS = 2
+GAUGE_BOUND_ROUNDS = 2
 """Rounds of a bound for gauges: in each they are chosen by the relaxed optimum of the one before."""
 COLLISION_SURCHARGE = 10.0
 """Surcharge on the travel of a leg that would collide [rad]: it is used only where no other is left."""
@@ -420,7 +420,7 @@ def _gauge_bound(
     Z = criterion.tangent(chosen.information).Z
     last = every[-len(chosen.marker) :]
     of_plan = last[np.arange(len(last))[:, None], chosen.marker, chosen.axis]
-    for _ in range(BOUND_ROUNDS):
+    for _ in range(GAUGE_BOUND_ROUNDS):
         marker, axis, _ = most_informative_gauges(every, Z, gauges.count)
         rows = every[np.arange(len(every))[:, None], marker, axis]
         rows[-len(last) :] = of_plan
@@ -668,7 +668,7 @@ def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.rand
     spec, problem = plan.specification, plan.candidates.problem
     error = prediction_error_function(problem, rows)
 
-    def errors(plans: Iterable[Ids]) -> Array:
+    def rms_errors(plans: Iterable[Ids]) -> Array:
         whole = spec.prior_uncertainty is not None
         return np.array(
             [
@@ -680,9 +680,9 @@ def baselines(plan: Plan, rows: Array, *, n_random_candidates: int, rng: np.rand
     counts = sorted({*BASELINE_POSE_COUNTS, spec.n_poses})
     order = greedy_plan(problem, plan.criterion, problem.rows, counts[-1])
     return Baselines(
-        greedy_errors=errors(order[: k + 1] for k in range(len(order))),
+        greedy_errors=rms_errors(order[: k + 1] for k in range(len(order))),
         random_errors={
-            count: errors(
+            count: rms_errors(
                 [
                     rng.choice(n_random_candidates, count, replace=n_random_candidates < count)
                     for _ in range(N_RANDOM_PLANS)

@@ -671,7 +671,7 @@ def _average_laws(
 
 
 def scaling_without_joint_laws(scaling: PriorScaling) -> PriorScaling:
-    """Return a prior, as units pi = L x, without its joint laws: that of the compliances."""
+    """Remove the sizes of joint laws from a prior in units pi = L x, so that only compliances remain."""
     return (
         scaling
         if not scaling.is_joint_law_size.any()

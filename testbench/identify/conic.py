@@ -195,7 +195,7 @@ def lower_bound_certificate(
         constant += rest * math.sqrt(term.unexplained) - y @ term.z
     cost, free = f_m(regression, pi), np.zeros(s.n_parameters)
 
-    def over(cost: float, trace_gradient: Array) -> float:
+    def excess_over_bound(cost: float, trace_gradient: Array) -> float:
         """Bound how far a cost lies above its least value over positive semi-definite compliances.
 
         Args:
@@ -210,8 +210,8 @@ def lower_bound_certificate(
         return max(0.0, cost - max(0.0, least))  # the cost is a sum of norms and traces
 
     return Certificate(
-        duality_gap=over(cost + float(penalty.trace_gradient @ pi), penalty.trace_gradient),
-        f_m_excess_bound=over(cost, free),
+        duality_gap=excess_over_bound(cost + float(penalty.trace_gradient @ pi), penalty.trace_gradient),
+        f_m_excess_bound=excess_over_bound(cost, free),
         trace_bounds=t,
         dual=dual,
     )

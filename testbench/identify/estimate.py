@@ -65,7 +65,7 @@ class TracePenalty:
 
     @property
     def trace_gradient(self) -> Array:
-        """Return the gradient of the trace term by its k parameters, (k,) [N m/rad, N rad/m]."""
+        """Return the gradient of the trace term with respect to its k parameters, (k,) [N m/rad, N rad/m]."""
         s = self.structure
         return np.where(s.rows == s.columns, self.weight * self.W_diagonal[s.rows], 0.0)
 

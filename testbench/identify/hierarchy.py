@@ -662,7 +662,7 @@ def contradicted_scales(weighted_prior: WeightedPrior) -> tuple[LearntScale, ...
 
 @dataclass(frozen=True)
 class UndeterminedCompliances:
-    """List links and joints that the prior may have wrong tenfold without any trace in the readings."""
+    """List links and joints whose prior stiffness could be ten times too low or high, unseen in the data."""
 
     stiffer: tuple[str, ...] = ()  #: Names of links and joints that may be ten times stiffer.
     softer: tuple[str, ...] = ()  #: Names of links and joints that may be ten times softer.

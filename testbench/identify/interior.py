@@ -649,6 +649,8 @@ class _Newton:
     def solve(self, right_side: Array) -> tuple[Array, Array]:
         """Solve Newton's equations (1 + S^T S) y = u of all problems.
 
+        S is the matrix of each problem's residuals R x in scaled coordinates.
+
         Args:
             right_side: Right-hand sides u in scaled coordinates, (problems, n).
 

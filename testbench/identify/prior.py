@@ -37,7 +37,10 @@ N_CACHED_PRIORS = 32
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Prior(Displayed):
-    """Hold the expected compliances of an arm; read-only, and equal only to itself."""
+    """Hold the expected compliances of an arm, with the origin of their numbers.
+
+    The array cannot be changed. Two priors with equal numbers count as different.
+    """
 
     name: str  #: Origin of the numbers, for reports.
     #: Expected aggregated compliance, (n_theta, n_theta) [m/N, rad/(N m), rad/N]; symmetric positive definite
@@ -178,7 +181,7 @@ class PriorScaling:
 
     @cached_property
     def is_link_coupling(self) -> Mask:
-        """Tell which parameters couple axes inside a link that a straight beam does not couple, (n,)."""
+        """Tell which parameters couple two axes of a link that do not couple in a straight beam, (n,)."""
         row, column = self.structure.upper_triangles
         beam = np.isin(6 * (row % 6) + column % 6, [6 * a + b for a, b in BEAM_ENTRIES])
         return np.asarray((row < 6 * self.structure.n_links) & ~beam)

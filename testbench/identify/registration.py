@@ -177,7 +177,7 @@ def _complete_layout(readings: MeanReadings, layout: FramesAndTargets) -> Frames
 
 
 def targets_in_base(readings: MeanReadings, targets: Array) -> Array:
-    """Compute the position of every reading's target in base axes by the rigid arm, R_r m_k + p_r.
+    """Compute the position of every reading's target on the rigid arm in base axes, R_r m_k + p_r.
 
     Args:
         readings: Mean readings with the poses R_r, p_r of the tool.
@@ -287,15 +287,17 @@ class HuberLoss:
 
         squares = np.square(residual)
 
-        def excess(s: float) -> float:
+        def clipped_square_excess(s: float) -> float:
             length = (squares / (variance + s**2)).sum(axis=1)
             return float(np.minimum(length, self.threshold**2).mean()) - self.normal_mean_square * dof_ratio
 
         high = 10 * float(np.sqrt(squares.max(initial=0.0)))
-        if not len(residual) or excess(0.0) <= 0:
+        if not len(residual) or clipped_square_excess(0.0) <= 0:
             return 0.0
         return (
-            high if excess(high) > 0 else float(brentq(excess, 0.0, high, xtol=NOISE_ROOT_TOLERANCE * high))
+            high
+            if clipped_square_excess(high) > 0
+            else float(brentq(clipped_square_excess, 0.0, high, xtol=NOISE_ROOT_TOLERANCE * high))
         )
 
 
@@ -393,7 +395,7 @@ class Registration:
     is_fitted_frame: Mask  #: Which frames were fitted and not given, (frames,).
     #: Covariance of all fitted frames (small rotation, translation), then of the targets, (k, k) [rad, m].
     covariance: Array
-    distances: Array  #: Distance of every mean reading from its position by the rigid arm, (n,) [m].
+    distances: Array  #: Distance between every mean reading and the fitted position, (n,) [m].
     noise: float  #: s: standard deviation of the readings along an axis beyond the tracker's [m].
     n_downweighted: int  #: Number of mean readings with less than full robust weight.
 
@@ -419,12 +421,12 @@ class Registration:
 
     @property
     def rms_distance(self) -> float:
-        """Compute the RMS distance of mean readings from their positions by the rigid arm [m]."""
+        """Compute the RMS distance between mean readings and the positions that the fit predicts [m]."""
         return float(np.sqrt(np.mean(self.distances**2)))
 
     @property
     def median_distance(self) -> float:
-        """Compute the median distance of mean readings from their positions by the rigid arm [m]."""
+        """Compute the median distance between mean readings and the positions that the fit predicts [m]."""
         return float(np.median(self.distances))
 
 

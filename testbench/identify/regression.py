@@ -398,7 +398,7 @@ class TriangularFactors:
 class GroupedRegression:
     """Hold the equations A pi = y of a dataset, reduced by QR to one triangular factor per group of runs.
 
-    The runs of a group can be held out together. Each kind of reading has a factor of its own.
+    A group of runs can be held out as a whole. Positions and orientations have separate factors.
     """
 
     structure: Structure  #: The unknowns, n of them.
@@ -629,7 +629,7 @@ class ReducedReadings:
 
     @property
     def n_equations(self) -> Array:
-        """Return the number of scalar equations by every kind of readings, (kinds,)."""
+        """Return the number of scalar equations of each kind of readings, (kinds,)."""
         return np.asarray(sum(part.n_equations for part in self.blocks))
 
 

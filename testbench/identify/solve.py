@@ -5,7 +5,7 @@ compliances in units of the prior, e their expectation and u its relative uncert
 positive semi-definite. The data determine the common scale s, so that a prior of wrong scale costs nothing.
 
 `minimum_norm` is weighted least squares, Eq. (14)-(15), solved without the information matrix.
-`complete_conservatively` chooses unobservable directions so that its result is conservative.
+`conservative_least_squares` chooses unobservable directions so that its result is conservative.
 
 `without_outliers` is the robust loss. A reading is the deflection of one marker in one run, or the rotation
 of the tool in one run: three numbers y_i in units of sqrt(2) sigma. Readings are weighted by their residuals
@@ -111,7 +111,7 @@ ZERO_ENTRY_TOLERANCE = 1e-12
 """Size below which an entry of an unobservable unit vector counts as zero [1]."""
 NO_CONSERVATIVE_FIT = "no conservative model fits as well as least squares"
 COMPLETED_METHOD_NAME = "least squares, conservative of equal fit"
-"""Name of the method in an estimate of `complete_conservatively` that is conservative."""
+"""Name of the method in an estimate of `conservative_least_squares` that is conservative."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class EqualFits:
     null_space: Array  #: Basis N of the r unobservable directions, orthonormal as matrices, (n, r) [1].
 
 
-def complete_conservatively(regression: Regression) -> Estimate:
+def conservative_least_squares(regression: Regression) -> Estimate:
     """Solve least squares, and move along unobservable directions to the nearest conservative model.
 
     With all equal fits x + N w of `EqualFits`, it minimises |w| subject to every block being positive
@@ -255,7 +255,7 @@ def solve(
     if not isinstance(prior_or_penalty, WeightedPrior):
         if constraint == "psd":
             return solve_gco(regression, prior_or_penalty)
-        return (complete_conservatively if constraint == "free" else minimum_norm)(regression)
+        return (conservative_least_squares if constraint == "free" else minimum_norm)(regression)
     # With a prior: minimise chi^2 and penalty in units of the prior, then map x back to pi.
     prior_solution = solve_with_prior(constraint, regression, prior_or_penalty)
     estimate = make_estimate(

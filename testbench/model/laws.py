@@ -57,7 +57,7 @@ class NominalDeflections:
 
 
 class JointLaw(Protocol):
-    """Define a joint law: its deflection per unit of size, the slope of that, and the unit of the size."""
+    """Define a joint law: its deflection and slope per unit of size, and the unit of the size."""
 
     @property
     def unit(self) -> float:
@@ -86,7 +86,7 @@ class JointLaw(Protocol):
         """
 
     def slope(self, nominal: NominalDeflections) -> Array:
-        """Compute the derivative of `deflection` with respect to x_1.
+        """Compute the derivative of `deflection` with respect to x_1, the nominal deflection under the load.
 
         Args:
             nominal: Nominal deflections x_0 and x_1 before and under the load.
@@ -98,9 +98,11 @@ class JointLaw(Protocol):
 
 @dataclass(frozen=True)
 class Stiffening:
-    """Describe springs that stiffen: f(x_1) - x_1 - (f(x_0) - x_0), f + beta f^3 / phi^2 = x.
+    """Describe a joint spring that stiffens: the deflection that it adds to that of a linear spring.
 
-    f is the deflection of a spring whose stiffness at the deflection phi is (1 + beta) times that at zero.
+    The added deflection is f(x_1) - x_1 - (f(x_0) - x_0). x_0 and x_1 are the deflections of the linear
+    spring before and under the load. f(x) solves f + beta f^3 / phi^2 = x: it is the deflection of a spring
+    that is 1 + beta times as stiff at the deflection phi as at zero.
     """
 
     unit: float = UNIT_STIFFENING
@@ -141,9 +143,10 @@ class Stiffening:
 
 @dataclass(frozen=True)
 class Backlash:
-    """Describe gaps in the gear: b (tanh(x_1 / b) - tanh(x_0 / b)), b half the gap.
+    """Describe the backlash of a gear: the deflection b (tanh(x_1 / b) - tanh(x_0 / b)) across its gap.
 
-    The sign of the torque selects the side of the gap.
+    b is half the gap. x_0 and x_1 are the deflections of the joint's linear spring before and under the load;
+    their sign selects the side of the gap.
     """
 
     unit: float = UNIT_BACKLASH_RAD
@@ -181,10 +184,11 @@ class Backlash:
 
 @dataclass(frozen=True)
 class Friction:
-    """Describe friction that holds the joint: -h clip((x_1 - x_0) / h, -1, 1), h half the hysteresis loop.
+    """Describe friction that holds a joint back by the deflection -h clip((x_1 - x_0) / h, -1, 1).
 
-    It holds back no more than the deflection itself. If a load was put on in the pose and then taken off, 2 h
-    replaces h, because friction held the joint back both times.
+    h is half the width of the hysteresis loop. x_0 and x_1 are the deflections of the joint's linear spring
+    before and under the load; friction holds back no more than x_1 - x_0. If a load was put on in the pose
+    and then taken off, 2 h replaces h, because friction held the joint back both times.
     """
 
     unit: float = UNIT_FRICTION_RAD
@@ -207,7 +211,7 @@ class Friction:
         return np.asarray(-width * np.clip((nominal.x_1 - nominal.x_0) / width, -1, 1))
 
     def slope(self, nominal: NominalDeflections) -> Array:
-        """Compute the derivative of the friction deflection by x_1: -1 if the joint sticks, 0 if it slips.
+        """Compute the derivative of the friction deflection: -1 if the joint sticks, 0 if it slips.
 
         Args:
             nominal: Nominal deflections x_0 and x_1 before and under the load, and the width of the loop.

@@ -269,7 +269,7 @@ def tool_poses(vjm: Vjm, q: Array) -> tuple[Array, Array]:
 
 
 def tool_points(vjm: Vjm, q: Array, points: Array) -> Array:
-    """Compute world positions of points of the tool, the arm rigid.
+    """Compute world positions of points of the tool, with the arm rigid.
 
     Args:
         vjm: Kinematics of the arm.
@@ -320,7 +320,7 @@ def marker_positions(vjm: Vjm, names: tuple[str, ...]) -> Array:
 
 
 def body_poses(vjm: Vjm, q: Array) -> list[tuple[Array, Array]]:
-    """Compute poses of all links' bodies, from the base on, and of the tool, the arm rigid.
+    """Compute poses of all links' bodies, from the base on, and of the tool, with the arm rigid.
 
     Args:
         vjm: Kinematics of the arm.
@@ -621,7 +621,7 @@ def _vectors(sine: Array, cosine: Array) -> Array:
 
 
 def tool_pose_and_jacobian(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
-    """Compute the tool's pose and the Jacobian of the actuated joints at its origin, the arm rigid.
+    """Compute the tool's pose and the Jacobian of the actuated joints at its origin, with the arm rigid.
 
     Args:
         vjm: Kinematics of the arm.
@@ -664,7 +664,7 @@ class WorkArea:
 
 
 def in_work_area(vjm: Vjm, work_area: WorkArea, q: Array) -> Mask:
-    """Tell which poses have their tool in a work area, the arm rigid.
+    """Tell which poses have their tool in a work area, with the arm rigid.
 
     Args:
         vjm: Kinematics of the arm.

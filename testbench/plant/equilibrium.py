@@ -198,7 +198,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True)
 class CompensatorState:
-    """Hold a gravity compensator and its constants in some undeflected poses, theta = 0.
+    """Hold a gravity compensator, and its geometry and stiffness in some undeflected poses, theta = 0.
 
     g = ds / dqpos is the derivative of the strut's length, C the compliance of the arm, k the stiffness.
     """
@@ -237,7 +237,7 @@ def compensator_bodies(plant: Plant) -> tuple[int, int]:
 
 
 def compensator_state(compensator: Compensator, plant: Plant, state: BodyState) -> CompensatorState:
-    """Compute the constants of a gravity compensator in undeflected poses, theta = 0.
+    """Compute geometry and stiffness of a gravity compensator in undeflected poses, theta = 0.
 
     Args:
         compensator: Description of the compensator.
@@ -245,7 +245,7 @@ def compensator_state(compensator: Compensator, plant: Plant, state: BodyState) 
         state: The undeflected poses.
 
     Returns:
-        The compensator, with its constants in these poses.
+        The compensator, with the length of its strut and the effect of its stiffness in every pose.
     """
     ends = compensator_bodies(plant)
     hinges = _hinges(compensator, ends, state)

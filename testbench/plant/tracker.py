@@ -370,8 +370,8 @@ class DistanceMeter:
         """Simulate readings of the distance to a marker, unloaded and loaded.
 
         Args:
-            fixed_point: Stated position of the fixed point, world, (3,) [m]; its error is the same in all
-                runs.
+            fixed_point: Position of the instrument's fixed end as the user states it, world, (3,) [m]; its
+                error is the same in all runs.
             marker_positions: Positions of the marker, unloaded and loaded, world, (runs, 3) [m] each.
             rng: Random number generator.
 
@@ -384,11 +384,11 @@ class DistanceMeter:
     def read_absolute(self, fixed_point: Array, marker_positions: Array, rng: np.random.Generator) -> Array:
         """Simulate readings of the absolute distance to a marker.
 
-        The range is centred between the least and the largest distance.
+        The instrument can read distances up to `max_change` from the middle of the least and the largest one.
 
         Args:
-            fixed_point: Stated position of the fixed point, world, (3,) [m]; its error is the same in all
-                runs.
+            fixed_point: Position of the instrument's fixed end as the user states it, world, (3,) [m]; its
+                error is the same in all runs.
             marker_positions: Positions of the marker, world, (runs, 3) [m].
             rng: Random number generator.
 

@@ -605,7 +605,7 @@ def scale_forecast(made: AbsolutePlanned) -> ScaleForecast:
         Its standard deviations.
     """
     problem = made.plan.candidates.problem
-    h, far = absolute.scale_sensitivity(made.union, made.wanted, made.q)
+    h, far = absolute.position_scale_jacobian(made.union, made.wanted, made.q)
     known = h @ problem.lift @ np.linalg.solve(made.plan.information, problem.lift.T @ h)
     after = math.sqrt(known + float(h @ problem.remaining_covariance @ h))
     geometry = h[made.union.unknowns.columns("geometry")]

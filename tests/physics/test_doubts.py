@@ -129,7 +129,10 @@ def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets)
     unit = np.sqrt(((prior.L * size) ** 2) @ np.ones(structure.n_parameters))
     np.testing.assert_allclose(fitted.pi / unit, mean / unit, rtol=0, atol=1e-6)
     joints = backlash_and_stiffening_columns(vjm, own.data, structure, fitted.pi)
-    known = np.eye(len(G)) / fitted.misfit**2 - fitted.U @ fitted.U.T
+    known = (
+        np.eye(len(G)) / fitted.misfit**2
+        - fitted.inverse_covariance_factor @ fitted.inverse_covariance_factor.T
+    )
     np.testing.assert_allclose(known @ (S + joints @ joints.T), np.eye(len(G)), rtol=0, atol=1e-5)
     np.testing.assert_allclose(
         fitted.weighted_residual, known @ apart, rtol=0, atol=1e-6 * np.abs(apart).max()

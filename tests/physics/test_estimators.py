@@ -12,7 +12,7 @@ from testbench.identify.method import completed_least_squares, least_squares, pa
 from testbench.identify.observability import with_zero_readings
 from testbench.identify.prior import cad_prior
 from testbench.identify.regression import f_m, reduce
-from testbench.identify.solve import NO_CONSERVATIVE_FIT, complete_conservatively, solve
+from testbench.identify.solve import NO_CONSERVATIVE_FIT, conservative_least_squares, solve
 from testbench.model.structure import all153, joints_only, mgco68, mgco69, mgco147, mls36, template56
 from testbench.runs.rows import trial_rng
 from testbench.studies.campaign import regimes as fits
@@ -292,7 +292,7 @@ def test_where_no_equal_fit_is_sought_there_is_none(kr500):
         taken += map(fits.added, found[fits.SQUARES], found[fits.GCO])
     skipped = [own for own, share in zip(ls, taken, strict=True) if share > fits.TAKEN]
     assert 3 < len(skipped) < len(ls) - 3
-    assert not any(complete_conservatively(own.regression).conservative for own in skipped)
+    assert not any(conservative_least_squares(own.regression).conservative for own in skipped)
 
 
 def test_the_error_to_expect_is_what_noise_does_to_least_squares(kr500):

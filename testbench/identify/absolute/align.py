@@ -59,7 +59,7 @@ MEAN_CLIPPED_SQUARE_RATIO = 0.9991 / 2.986
 
 @dataclass(frozen=True)
 class Noise:
-    """Hold the noise of absolute readings about a model of the arm, as standard deviations along an axis."""
+    """Hold the noise of absolute readings, the error of the arm's model included, as standard deviations."""
 
     position_model_error: float = 0.0  #: Model error s of positions [m].
     rotation_model_error: float = 0.0  #: Model error s of orientations [rad].

@@ -44,7 +44,7 @@ from testbench.progress import stepwise
 
 # --- Selection of errors ------------------------------------------------------------------------------------
 
-MAX_BLOCKS = 16
+MAX_JOINT_SPACE_BLOCKS = 16
 """Most blocks of joint space, over all series, that are held out in turn."""
 MIN_BLOCK_POSES = 6
 """Fewest poses of a block of joint space: fewer determine a frame too poorly."""
@@ -55,7 +55,7 @@ MAX_HELD_OUT_INCREASE = 0.01
 REFIT_VARIANCE_RATIO = 100.0
 """Variance of a frame or mount without the held-out readings, over that with them, above which the held-out
 readings fit it anew [1]."""
-INDIVIDUAL_VARIANCE_RATIO = 0.2
+INDIVIDUAL_PERIODIC_ERROR_SHARE = 0.2
 """Share of the variance of periodic errors that is individual to each joint while a pattern is sought [1]."""
 MIN_REMAINING_EQUATION_RATIO = 0.2
 """Least share of all equations that must remain when a series is held out [1]."""
@@ -126,7 +126,7 @@ def joint_space_blocks(series: Sequence[Series]) -> list[Ids]:
     rows = sum(readings.n_rows for readings in series)
     blocks = []
     for readings in series:
-        share = round(MAX_BLOCKS * readings.n_rows / rows)
+        share = round(MAX_JOINT_SPACE_BLOCKS * readings.n_rows / rows)
         _, first, pose = np.unique(readings.pose_id, return_index=True, return_inverse=True)
         k = max(1, min(max(2, share), len(first) // MIN_BLOCK_POSES))
         load = np.linalg.norm(readings.wrench[:, :3], axis=1)
@@ -249,7 +249,7 @@ def with_shared_pattern(
         joint_information.append(
             (known * (precision - np.diag(1 / whole)), np.asarray(known * (precision @ solved.x[j])))
         )
-    individual = INDIVIDUAL_VARIANCE_RATIO * whole
+    individual = INDIVIDUAL_PERIODIC_ERROR_SHARE * whole
     unknowns = replace(
         unknowns, shared_pattern=find_pattern(joint_information, individual, whole - individual, orders)
     )

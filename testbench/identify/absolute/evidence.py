@@ -186,14 +186,14 @@ def gram_of_active_unknowns(active_unknowns: ActiveUnknowns, gram: Array) -> Arr
 
 
 def prior_precision(
-    active_unknowns: ActiveUnknowns, scales: ErrorScales, uncertainty: PriorUncertainty
+    active_unknowns: ActiveUnknowns, scales: ErrorScales, prior_uncertainty: PriorUncertainty
 ) -> tuple[Array, Array]:
     """Compute the prior precision P of the selected unknowns, and its product with the prior mean.
 
     Args:
         active_unknowns: The selected unknowns, c of them.
         scales: Prior deviations of the unknowns.
-        uncertainty: Relative uncertainty of the expected compliances.
+        prior_uncertainty: Relative uncertainty of the expected compliances.
 
     Returns:
         P, (c, c), and P times the prior mean, (c,), compliances in units of their prior.
@@ -203,7 +203,7 @@ def prior_precision(
     held = np.arange(active_unknowns.n_rigid)
     P[held, held] = scales.deviation[active_unknowns.columns[: active_unknowns.n_rigid]] ** -2.0
     if active_unknowns.compliance_prior is not None:
-        B, towards = prior_rows(active_unknowns.compliance_prior, uncertainty)
+        B, towards = prior_rows(active_unknowns.compliance_prior, prior_uncertainty)
         P[active_unknowns.n_rigid :, active_unknowns.n_rigid :], b[active_unknowns.n_rigid :] = (
             B.T @ B,
             B.T @ towards,
@@ -215,7 +215,7 @@ def solve_active_unknowns(
     active_unknowns: ActiveUnknowns,
     gram: Array,
     scales: ErrorScales,
-    uncertainty: PriorUncertainty,
+    prior_uncertainty: PriorUncertainty,
     constraint: Constraint = "none",
 ) -> NormalEquationsSolution:
     """Solve the normal equations for the most probable unknowns, given their priors.
@@ -226,7 +226,7 @@ def solve_active_unknowns(
         active_unknowns: The selected unknowns, c of them.
         gram: Gram matrices [A | y]^T [A | y] of the equations A x = y of each kind, (kinds, c + 1, c + 1).
         scales: Prior deviations of the unknowns, and noise factors.
-        uncertainty: Relative uncertainty of the expected compliances.
+        prior_uncertainty: Relative uncertainty of the expected compliances.
         constraint: "psd" keeps every block of compliances positive semi-definite.
 
     Returns:
@@ -237,7 +237,7 @@ def solve_active_unknowns(
     """
     H, (P, b) = (
         np.tensordot(scales.noise_factor**-2.0, gram, 1),
-        prior_precision(active_unknowns, scales, uncertainty),
+        prior_precision(active_unknowns, scales, prior_uncertainty),
     )
     H[:-1, :-1] += P
     H[:-1, -1] += b
@@ -410,7 +410,7 @@ def solve_step(
     reduced_readings: ReducedReadings,
     scales: ErrorScales,
     constraint: Constraint = "psd",
-    uncertainty: PriorUncertainty | None = None,
+    prior_uncertainty: PriorUncertainty | None = None,
 ) -> StepSolution:
     """Solve the linear problem of a Gauss-Newton step for the most probable unknowns.
 
@@ -424,7 +424,7 @@ def solve_step(
         reduced_readings: The reduced equations, in the basis of the unknowns.
         scales: Prior deviations of the unknowns, and noise factors.
         constraint: "psd" for GCO, "none" for least squares.
-        uncertainty: Relative uncertainty of the expected compliances; None to learn it from the readings.
+        prior_uncertainty: Relative uncertainty of the expected compliances; None to learn it from readings.
 
     Returns:
         The unknowns, the root of their precision, and the estimate of the compliances.
@@ -443,7 +443,7 @@ def solve_step(
             active_unknowns.compliance_prior,
             int(reduced_readings.n_equations.sum()),
             constraint,
-            uncertainty,
+            prior_uncertainty,
         )
     # Degrees of freedom: the share of each prior variance that the readings remove.
     inverse = solve_triangular(step.precision_root[:r, :r], np.eye(r))
@@ -464,7 +464,7 @@ def _solve_compliances(
     compliance_prior: PriorScaling,
     equations: int,
     constraint: Constraint,
-    uncertainty: PriorUncertainty | None,
+    prior_uncertainty: PriorUncertainty | None,
 ) -> StepSolution:
     """Solve for compliances by the last rows of T, (c + 1, c + 1), then for all other unknowns."""
     c = len(T) - 1
@@ -472,8 +472,8 @@ def _solve_compliances(
     # The lower rows of T are the equations of the compliances alone.
     regression = compliance_equations(T, compliance_prior, equations)
     weighted_prior = (
-        WeightedPrior(compliance_prior, uncertainty)
-        if uncertainty
+        WeightedPrior(compliance_prior, prior_uncertainty)
+        if prior_uncertainty
         else _scaled_prior(regression, compliance_prior)
     )
     estimate = solve(regression, constraint, weighted_prior)

@@ -78,7 +78,7 @@ MAX_INTERMEDIATE_ROWS, MIN_SERIES_ROWS = 4000, 100
 UNKNOWNS_PER_READING = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
-MAX_SCATTER_RATIO = 0.5
+MAX_REVERSED_SCATTER_RATIO = 0.5
 """Scatter of corrected readings over that of the readings as they are, below which these are rejected [1]."""
 COMMON_PATTERN = "common pattern"  #: Name of the periodic error that several joints share.
 SINGLE_ERRORS = {"gear ratio": "ratio", "backlash": "play", "stiffening": "stiffening"}
@@ -333,8 +333,8 @@ def check_last_joint_sign(
         fit_series: Function that fits geometry and springs to series, and returns the arm and the noise.
 
     Raises:
-        BenchError: When the scatter with the sign reversed is below MAX_SCATTER_RATIO times the scatter as
-            read.
+        BenchError: When the scatter with the sign reversed is below MAX_REVERSED_SCATTER_RATIO times the
+            scatter as read.
     """
     if any(readings.rotation is not None for readings in series):
         return
@@ -347,7 +347,7 @@ def check_last_joint_sign(
     except BenchError:
         return
     as_read = fit_series(tuple(thin))[1].position_model_error
-    if mirrored < MAX_SCATTER_RATIO * as_read:
+    if mirrored < MAX_REVERSED_SCATTER_RATIO * as_read:
         raise BenchError(
             f"{series[0].name}: the readings fit this arm to {1e3 * as_read:.2g} mm along an axis; with the "
             f"other sign of {vjm.arm.joints[-1].name} they would fit to {1e3 * mirrored:.2g} mm"
@@ -355,7 +355,7 @@ def check_last_joint_sign(
 
 
 def check_row_order(vjm: Vjm, series: Sequence[Series]) -> None:
-    """Reject a series in which, from some row on, the readings belong to the pose before or after.
+    """Reject a series in which all readings from some row on belong to the previous or the next pose.
 
     Args:
         vjm: The arm's virtual joint model.

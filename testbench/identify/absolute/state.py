@@ -732,10 +732,10 @@ class Unknowns:
 
     @cached_property
     def prior_groups(self) -> tuple[tuple[str, Ids], ...]:
-        """Return groups of unknowns with a common prior deviation, as kind of error and columns.
+        """Return groups of unknowns that share one prior deviation, each as kind of error and columns.
 
-        All joints share the prior of a band of orders: if one joint has moved through a part of its range
-        only, the others determine how large its errors in the rest may be.
+        All joints share one prior deviation for the periodic errors in a band of orders. If a joint has moved
+        through only a part of its range, the other joints show how large its errors elsewhere may be.
         """
         geometry = np.arange(self.size)[self.columns("geometry")].reshape(-1, 6)
         columns_by_kind = [

@@ -55,7 +55,7 @@ Both are a little larger than in `plant.disturbance.TYPICAL_DISTURBANCES`."""
 MIN_GAIN, MIN_GAIN_OF_RUN, MIN_GAIN_OF_ALL_LOADS = 7.0, 12.0, 20.0
 """Least log-likelihood gain of an issue [nats]: of a mistake with a size, of one in a single run or load
 level, and of one that changes all loads, such as exchanged axes."""
-MIN_TRIAL_GAIN = 3.0
+MIN_GAIN_WITHOUT_RUN = 3.0
 """Gain from which a run is left out on trial [nats]: strong evidence (Kass and Raftery 1995)."""
 MAX_QUIET_MISFIT, MAX_QUIET_SCALE = 1.3, 2.5
 """Misfit, and factor between prior and readings, up to which mistakes without a size are not tried [1]."""
@@ -65,9 +65,9 @@ MAX_NOISE_MISFIT, MIN_NOISE_SHARE = 8.0, 0.005
 Model errors explain smaller ones."""
 MAX_MISFIT_RATIO, MIN_RUNS_TO_LEAVE_ONE_OUT = 0.5, 5
 """Misfit without a run over that with it, below which that run alone is wrong [1]; fewest runs to tell."""
-MIN_RIVAL_GAIN_RATIO = 0.8
+MIN_MOUNTING_GAIN_RATIO = 0.8
 """Gain of a wrong mounting, over the largest gain of the other mistakes, above which it is preferred [1]."""
-SINGLE_RUN_WEIGHT = 0.5  #: Weight of the gain of a mistake in one run when mistakes are ranked [1].
+SINGLE_RUN_GAIN_WEIGHT = 0.5  #: Weight of the gain of a mistake in one run when mistakes are ranked [1].
 MAX_DEFLECTION_SCALE, LIGHT_LOAD_SCALE, LIGHT_LOAD_SHARE = 5.0, 4.5, 0.35
 """Factors between readings and prior that raise a warning [1].
 
@@ -90,7 +90,7 @@ class ResidualModel:
     pi: Array  #: Posterior mean of the compliances, (n,) [m/N, rad/(N m)].
     #: Factor U of the readings' inverse covariance W = I / misfit^2 - U U^T, (k, r) [1]. Readings share few
     #: unknowns, so that no matrix of size (k, k) is needed.
-    U: Array
+    inverse_covariance_factor: Array
     weighted_residual: Array  #: W times the residuals of the readings from the prior mean, (k,) [1].
     hyperparameters: Array  #: Hyperparameters of the prior, all logarithms; the last one is log misfit.
 
@@ -107,7 +107,7 @@ class ResidualModel:
         """
         return np.asarray((readings.y - readings.A @ self.pi).ravel())
 
-    def score_issue(self, name: str, correction: "Correction[LoadedRuns]") -> Issue:
+    def issue_by_score_test(self, name: str, correction: "Correction[LoadedRuns]") -> Issue:
         """Estimate the size and the log-likelihood gain of a mistake that enters linearly, by `score_test`.
 
         The score is g = Z^T W e and the information M = Z^T W Z. W is the inverse covariance of the readings,
@@ -122,7 +122,7 @@ class ResidualModel:
         """
         assert correction.jacobian is not None
         Z, rows = correction.jacobian, slice(*(correction.equation_range or (None,)))
-        half = self.U[rows].T @ Z
+        half = self.inverse_covariance_factor[rows].T @ Z
         M = Z.T @ Z / self.misfit**2 - half.T @ half
         score = score_test(Z.T @ self.weighted_residual[rows], M)
         size = correction.prior_deviation * score.expected_size
@@ -326,13 +326,13 @@ def find_load_issues(
     # A wrong mounting, if it rivals the best other mistake; weights have no force offset.
     hung = _refitted(mountings, loads)
     rival = max((_gain(issue) for issue in best if issue.name != "force_offset"), default=0.0)
-    if hung and (hung[0].details["tracker_agrees"] or _gain(hung[0]) > MIN_RIVAL_GAIN_RATIO * rival):
+    if hung and (hung[0].details["tracker_agrees"] or _gain(hung[0]) > MIN_MOUNTING_GAIN_RATIO * rival):
         return [*hung, *(issue for issue in (*issues, *best) if issue.name in kinds)]
     issues += best
     # Mistakes without a size, if the model does not explain the readings well.
     if model.misfit > MAX_QUIET_MISFIT or not 1 / MAX_QUIET_SCALE < factor < MAX_QUIET_SCALE:
         issues += _refitted(others, loads)
-    issues.sort(key=lambda issue: -_gain(issue) * (SINGLE_RUN_WEIGHT if issue.name in kinds else 1))
+    issues.sort(key=lambda issue: -_gain(issue) * (SINGLE_RUN_GAIN_WEIGHT if issue.name in kinds else 1))
     issues += _scale_issue(loads, factor)
     data = loads.data
     typical = float(np.median(np.linalg.norm(data.deflection, axis=2)[data.is_measured]))
@@ -352,7 +352,7 @@ def _sized_issues(loads: LoadedRuns, hypotheses: LoadHypotheses) -> Iterator[tup
     for hypothesis in hypotheses:
         for correction in hypothesis.corrections(loads):
             if correction.jacobian is not None:
-                issue = loads.residual_model.score_issue(hypothesis.name, correction)
+                issue = loads.residual_model.issue_by_score_test(hypothesis.name, correction)
                 yield issue, _gain(issue) > hypothesis.min_gain and correction.is_large(issue.size)
 
 
@@ -366,7 +366,7 @@ def _without_worst(single_runs: LoadHypotheses, loads: LoadedRuns) -> tuple[list
     if model.misfit <= MAX_QUIET_MISFIT or data.n_runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
         return None
     likeliest = max((issue for issue, _ in _sized_issues(loads, single_runs)), key=_gain)
-    if _gain(likeliest) < MIN_TRIAL_GAIN:
+    if _gain(likeliest) < MIN_GAIN_WITHOUT_RUN:
         return None
     worst = likeliest.where[0]
     others = replace(loads, data=select_runs(data, data.run_id.astype(str) != worst))

@@ -133,14 +133,14 @@ class GravityDirection:
 
     @property
     def confirmed_by_tracker(self) -> bool:
-        """Tell whether the vertical of a level tracker is within SNAP_ANGLE of this direction."""
+        """Tell whether a level tracker shows gravity within SNAP_ANGLE of the estimated direction."""
         return self.tracker_gravity is not None and bool(
             angle_between(self.tracker_gravity, self.g) < SNAP_ANGLE
         )
 
     @property
     def is_certain(self) -> bool:
-        """Tell whether no mistake other than the mounting explains this direction.
+        """Tell whether only a wrong mounting of the base explains the estimated direction of gravity.
 
         Its angle from -z is above MIN_CERTAIN_ANGLE, and it explains over MIN_EXPLAINED_SHARE of the typical
         deflection.
@@ -256,7 +256,7 @@ MIN_COMPLIANCE_RATIO = 0.05
 """Fitted over nominal compliance below which a joint that carries weight is held at the bound of zero [1]."""
 #: Typical torque of a joint that carries weight, over the largest torque of all joints, at least [1].
 MIN_TORQUE_RATIO = 0.05
-MAX_SCATTER = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
+MAX_SCATTER_OVER_REACH = 5e-3  #: Scatter, over the reach, above which more than the mounting is wrong [1].
 MIN_HANGING_GAIN, NEAREST_SHARE = 8.0, 0.8
 """Least log-likelihood gain of a hanging arm [nats]; share of the readings that count, the nearest [1]."""
 #: Tilts at which the scatter is computed to find the tilt of least scatter [rad].
@@ -264,7 +264,7 @@ PROBE_TILT = np.deg2rad(15.0)
 MIN_MOUNTING_GAIN, MIN_MOUNTING_GAIN_BY_TRACKER = 20.0, 7.0
 """Least log-likelihood gain of another mounting, and the same if a level tracker agrees [nats]."""
 #: Scatter over that with the nominal mounting, above which no mounting is reported [1].
-MAX_SCATTER_RATIO = 0.9
+MAX_MOUNTING_SCATTER_RATIO = 0.9
 
 
 def mounting_by_own_weight(state: ArmState, series: Sequence[Series], prior: Prior) -> Issue | None:
@@ -292,7 +292,7 @@ def mounting_by_own_weight(state: ArmState, series: Sequence[Series], prior: Pri
     ]
     poses = sum(len(np.unique(readings.pose_id)) for readings in series)
     nominal_scatter = _scatter(state, series, prior, DOWN)
-    if nominal_scatter > MAX_SCATTER * state.vjm.reach:
+    if nominal_scatter > MAX_SCATTER_OVER_REACH * state.vjm.reach:
         return None
     # Other directions: first the one in which trackers stand level, then walls, ceiling and tilts.
     first = (
@@ -307,7 +307,7 @@ def mounting_by_own_weight(state: ArmState, series: Sequence[Series], prior: Pri
         tried = [(_scatter(state, series, prior, g), g) for g in directions]
         scatter, g = min(tried, key=lambda trial: trial[0], default=(np.inf, DOWN))
         gain = 3 * poses * float(np.log(nominal_scatter / scatter)) if np.isfinite(scatter) else 0.0
-        if scatter < MAX_SCATTER_RATIO * nominal_scatter and gain > least:
+        if scatter < MAX_MOUNTING_SCATTER_RATIO * nominal_scatter and gain > least:
             return mounting_issue(state.vjm, GravityDirection(g, tracker_gravity), gain)
     return None
 

@@ -356,7 +356,7 @@ def _angle_unit_sentence(issue: Issue, _: Arm) -> str:
 
 
 def _order(observations: Observations) -> KinematicCorrections:
-    """Try the readings of the pose before or after, from the first row on or from a later one."""
+    """Try the readings of the previous or the next pose, from the first row on or from a later one."""
     for shift in (1, -1):
         yield _alternative(replace(observations, q=np.roll(observations.q, shift, axis=0)), size=[shift])
     if slip := find_row_shift(observations):

@@ -170,22 +170,22 @@ class ScoreTest:
     log_bayes_factor: Array  #: Logarithms of the Bayes factors for the mistakes, (...) [nats].
 
 
-def score_test(g: Array, M: Array) -> ScoreTest:
+def score_test(score: Array, information: Array) -> ScoreTest:
     """Test for a mistake b ~ N(0, I) that adds Z b to the readings, without a second fit.
 
-    With H = M + I, the expected size is b = H^-1 g, and the logarithm of the Bayes factor for the mistake is
-    (g^T H^-1 g - log det H) / 2 (Kass and Raftery 1995).
+    With the score g, the information M and H = M + I, the expected size is b = H^-1 g, and the logarithm of
+    the Bayes factor for the mistake is (g^T H^-1 g - log det H) / 2 (Kass and Raftery 1995).
 
     Args:
-        g: Score Z^T W e, with e the residuals and W their inverse covariance, (..., z) [1].
-        M: Information Z^T W Z about b from the readings, (..., z, z) [1].
+        score: Score g = Z^T W e, with e the residuals and W their inverse covariance, (..., z) [1].
+        information: Information M = Z^T W Z about b from the readings, (..., z, z) [1].
 
     Returns:
         Expected sizes, decreases of chi squared and logarithms of the Bayes factors.
     """
-    H = M + np.eye(g.shape[-1])
-    b = np.asarray(np.linalg.solve(H, g[..., None])[..., 0])
-    decrease = np.asarray((b * g).sum(axis=-1))
+    H = information + np.eye(score.shape[-1])
+    b = np.asarray(np.linalg.solve(H, score[..., None])[..., 0])
+    decrease = np.asarray((b * score).sum(axis=-1))
     return ScoreTest(b, decrease, np.asarray((decrease - np.linalg.slogdet(H)[1]) / 2))
 
 
@@ -705,7 +705,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
 
 @dataclass(frozen=True)
 class RowShift:
-    """Describe rows that slipped: from one row on, all readings belong to the pose before or after."""
+    """Describe rows that slipped: from one row on, all readings belong to the previous or the next pose."""
 
     first_row: int  #: Index of the first slipped row.
     shift: int  #: 1 if readings belong to the pose before, -1 if they belong to the pose after.
@@ -713,7 +713,7 @@ class RowShift:
 
 
 def find_row_shift(observations: Observations) -> RowShift | None:
-    """Find the row from which readings belong to the pose before or after; all rows before it are correct.
+    """Find the row from which readings belong to the previous or next pose; all rows before are correct.
 
     The result is None when no slip explains the readings clearly better.
     """

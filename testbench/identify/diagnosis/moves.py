@@ -42,7 +42,7 @@ NUISANCE_SCALE_FACTOR = 3.0
 MAX_NUMBERS_IN_MEMORY = 3_000_000  #: Most numbers of the equations that are in memory together.
 EQUATIONS_PER_POSE = 6
 """Most independent equations of a pose: its targets and loads share the model's errors in this pose."""
-MAX_AMBIGUOUS_CHI2 = 10.0
+MAX_AMBIGUOUS_CHI2_DIFFERENCE = 10.0
 """Difference of chi squared below which moves of targets and of the tracker explain readings equally well."""
 
 
@@ -234,7 +234,7 @@ def _greatest_step(
     s2 = max(rest.before - decrease, 1e-300) / rest.count
     gain = decrease / s2 / rest.shared / 2
     details = {
-        "alike": bool(decrease - rival < MAX_AMBIGUOUS_CHI2 * s2),
+        "alike": bool(decrease - rival < MAX_AMBIGUOUS_CHI2_DIFFERENCE * s2),
         "share": decrease / rest.before,
         "free": rest.count / rest.shared,
         "place": place,

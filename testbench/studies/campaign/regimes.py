@@ -22,7 +22,7 @@ from testbench.data.dataset import Dataset, select_runs
 from testbench.errors import Array, BenchError, Mask
 from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.regression import RANK_TOLERANCE, Regression, reduce, regression_from_terms
-from testbench.identify.solve import complete_conservatively, equal_fits, solve
+from testbench.identify.solve import conservative_least_squares, equal_fits, solve
 from testbench.model.structure import all153, joints_only, mgco47, mgco68, template56
 from testbench.model.vjm import Vjm
 from testbench.plant.true_arms import true_arms
@@ -145,7 +145,7 @@ def added(ls: Estimate, gco: Estimate) -> float:
 
 
 def _equal(ls: Estimate, gco: Estimate) -> Estimate:
-    return ls if added(ls, gco) > TAKEN else complete_conservatively(ls.regression)
+    return ls if added(ls, gco) > TAKEN else conservative_least_squares(ls.regression)
 
 
 def _lent(ls: Estimate, gco: Estimate) -> Estimate:
