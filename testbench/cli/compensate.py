@@ -59,7 +59,7 @@ class CompensateOptions:
     payload: Payload = None
     asked: Annotated[
         Meant | None,
-        typer.Option(metavar="HOW", help="Programmed pose: of the unloaded or the drawn arm."),
+        typer.Option(metavar="HOW", help="Programmed poses are of the unloaded, or the drawn (rigid), arm."),
     ] = None
     hold: Annotated[
         CorrectedPart, typer.Option(metavar="WHAT", help="What to correct: pose, axis or position.")
@@ -206,7 +206,7 @@ def _tables(f: Row) -> dict[str, Table]:
 def _others(f: Row) -> Iterator[tuple[str, object]]:
     """Numbers that stand in no other table, with their units."""
     yield "model", f.method
-    yield "pose that the program states: of the unloaded or the drawn arm", f.asked
+    yield "arm of the programmed poses: unloaded, or drawn (rigid)", f.asked
     yield "corrected quantity", f.hold
     yield "points with a load", f.loaded
     yield "points corrected", f.corrected

@@ -155,7 +155,7 @@ def report(f: Row) -> Report:
     """Report fits from their numbers."""
     taken = find(f.models, name=f.recommended)
     beaten = f.get("badge") is not None and f.badge.winner != taken.name
-    first = "Use (although another model predicts held-out runs better)" if beaten else "Use"
+    first = "Although another model predicts held-out runs better, use" if beaten else "Use"
     if any(doubt["name"] != "prior" for doubt in f.doubts):
         first = "First check the runs (see the warning below). If they are right, use"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")

@@ -321,7 +321,7 @@ def read_lines(columns: Columns, loaded: Mask) -> FileLines | None:
     far = np.asarray((np.abs(travel) > FAR).any(axis=0) & gauge)
     everywhere = np.linalg.matrix_rank(direction[gauge]) == len(XYZ)
     problem = "expected travels of gauges, got readings as large as positions, along x, y and z"
-    hint = "if they are positions, name axis, before and after in [columns] of a map"
+    hint = "if they are positions, state the columns of axis, before and after in [columns] of a map"
     table.refuse(far & everywhere, "", f"{problem}; {hint}")
     tilt = _deviation(columns, "tilt", gauge, (TILT, MAX_TILT), notes)
     fixed_sigma = _deviation(columns, "fixed_sigma", meter, (FIXED, MAX_FIXED), notes)

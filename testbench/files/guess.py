@@ -272,7 +272,7 @@ def _kilograms(table: TableCells, k: int) -> Array | None:
 def _refuse_unclear_mass(table: TableCells, name: str, texts: Sequence[str]) -> None:
     """Refuse masses that may be one or a thousand, and numbers in a unit that is none of masses."""
     if unclear := next(filter(THOUSANDS.search, texts), ""):
-        problem = f"expected masses without a mark between thousands, as 1000 kg, got {unclear!r}"
+        problem = f"expected masses without a thousands separator, such as 1000 kg, got {unclear!r}"
         raise table.header_error(problem, name)
     numbers = all(number_of(text) is not None for text in texts)
     if numbers and (other := BRACKETS.match(name)) and unit_of(table, table.names.index(name)) is None:

@@ -108,7 +108,7 @@ def report(row: Row, registered: RegisteredDataset) -> Report:
     notes = [ended(capital(note)) for note in (*f.notes, *registration_notes(registered))]
     return Report(
         scenario="data_check",
-        question=say("What was understood of {dataset}?", f),
+        question=say("How was {dataset} read?", f),
         title=say("{dataset}, read as runs of {arm}", f),
         answer=say(
             "{runs:counted run} in {poses:counted pose}: the load moves the targets by "

@@ -154,7 +154,7 @@ def tabled(rows: Sequence[object]) -> Table:
     for row in flat:
         if row.keys() != flat[0].keys():
             differ = ", ".join(sorted(row.keys() ^ flat[0].keys()))
-            raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
+            raise BenchError(f"rows: expected rows with the same columns, but some lack {differ}")
     return {name: [row[name] for row in flat] for name in flat[0]} if flat else {}
 
 

@@ -141,7 +141,7 @@ def arrow_table(
     for seed, own in trials:
         if own and own.keys() != columns.keys():
             differ = ", ".join(sorted(own.keys() ^ columns.keys()))
-            raise BenchError(f"rows: expected the columns of one dataclass, they differ in {differ}")
+            raise BenchError(f"rows: expected rows with the same columns, but some lack {differ}")
         cells[SEED] += [seed] * count(own)
         for name, values in own.items():
             cells[name] += values
@@ -253,8 +253,8 @@ def read_trials(path: Path, schema: pa.Schema) -> pa.Table:
     with _opened(path) as file:
         found = file.read(use_threads=False)
         if not found.schema.equals(schema):
-            differ = sorted({*found.schema.names} ^ {*schema.names}) or ["their types"]
-            raise ValueError(f"expected the columns of this study, they differ in {', '.join(differ)}")
+            differ = sorted({*found.schema.names} ^ {*schema.names}) or ["types of columns"]
+            raise ValueError(f"expected the columns of this study; these differ: {', '.join(differ)}")
         return found
 
 

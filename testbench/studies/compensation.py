@@ -679,7 +679,7 @@ def _tables(f: Row) -> dict[str, Table]:
     own = [g for g in f.groups if g.arm == REAL and g.poses == f.featured]
     campaign, model, share = columns("campaign name removed_percent")
     by_arm = [g for g in f.by_truth if g.arm == REAL and g.name in (JOINTS_ONLY, DEFAULT)]
-    words = f"by true arm, disturbed: {f.featured} planned poses, weight and pull"
+    words = f"disturbed arms of each kind: {f.featured} planned poses with weight and pull"
     return {
         "short": pivot(Table((), own, title), campaign, model, replace(share, exact=True)),
         "both": Table(columns(FOUND), f.groups, "both jobs"),

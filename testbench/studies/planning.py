@@ -601,7 +601,7 @@ def _report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
             "grounds": Table(
                 columns(GROUNDS),
                 f.grounds,
-                "Where planning lowers the error: two kinds of ground, and a plan for each fit",
+                "Where planning lowers the error: two work areas (ground), and one plan for each fit",
             ),
             "kept": Table(
                 columns(KEPT),

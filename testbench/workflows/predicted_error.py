@@ -38,7 +38,7 @@ from testbench.workflows.rows import MM
 DEFAULT_UNCERTAINTY = 0.3  #: How well an arm's compliances are known where no prior is given [1].
 EXPECTED = ErrorMeaning(
     "expected error",
-    "of the predicted deflection, RMS over the markers and over arms of which every link and joint gives",
+    "of the predicted deflection, RMS over the markers and over arms whose links and joints all bend",
     "RMS",
 )
 OTHER_MODELS = "MLS56", JOINTS_ONLY

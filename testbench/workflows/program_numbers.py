@@ -429,7 +429,7 @@ def _map(made: Predicted) -> Row:
         MOVED_BY: bounded_mm(stiffness_map.worst),
         HALF_WIDTH: bounded_mm(stiffness_map.half.max(axis=1)),
     }
-    words = f"of the tool by {stiffness_map.force:,.0f} N in the worst direction, and its half width, 95 %"
+    words = f"of the tool by {stiffness_map.force:,.0f} N in the worst direction, and its 95 % half width"
     return Row(
         force_n=stiffness_map.force,
         places=len(worst),

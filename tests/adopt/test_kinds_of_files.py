@@ -789,7 +789,7 @@ def test_what_a_table_does_not_say_is_asked_or_said(tmp_path):
         *(
             (
                 states("Pose|Target|Load|X [mm]|Y [mm]|Z [mm]|J{} [deg]", f"none|{mass}").decode(),
-                f"expected masses without a mark between thousands, as 1000 kg, got '{mass}'",
+                f"expected masses without a thousands separator, such as 1000 kg, got '{mass}'",
             )
             for mass in ("1,000 lb", "with 1.000 kg", "1 000.5 kg")
         ),

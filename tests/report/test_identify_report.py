@@ -148,7 +148,7 @@ def test_the_model_that_is_taken_is_named_marked_and_drawn_first_whichever_it_is
 
 def test_what_the_badge_warns_of_is_not_recommended(f):
     """Joints alone or least squares may be the better ones in runs held out, and the default still stays."""
-    for error, words in ((1.0, "Use"), (0.3, "Use (although another model predicts held-out runs better)")):
+    for error, words in ((1.0, "Use"), (0.3, "Although another model predicts held-out runs better, use")):
         badge = decide((TAKEN, [0.5] * 8), ("MLS56", [error] * 8), "group of fitted runs held out in turn")
         assert report(Row(f, badge=badge)).answer.startswith(f"{words} {first_mention(TAKEN)}")
 

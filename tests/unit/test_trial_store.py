@@ -149,7 +149,7 @@ def test_rows_that_are_none_are_told_by_the_worker(work, problem):
         (replace(FULL, several=(1.0, "b")), "rows: several: expected list<.*>: .*'b'"),
         (replace(FULL, count=2**63), "rows: count: expected int64: "),
         (replace(FULL, word=1), "rows: word: expected string: "),
-        (X(1.0), "rows: expected the columns of one dataclass, they differ in bounds, check.rank"),
+        (X(1.0), "rows: expected rows with the same columns, but some lack bounds, check.rank"),
     ],
 )
 def test_rows_of_another_type_are_refused_and_what_is_stored_stays(tmp_path, row, problem):

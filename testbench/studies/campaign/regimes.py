@@ -373,7 +373,7 @@ def _tables(_: GridSettings) -> Mapping[str, TrialTable]:
     }
     levels = replace(
         BY_LEVEL,
-        title="GCO's error over the other's, by the error to expect of least squares over the deflection",
+        title="GCO's error divided by the other's, by the expected relative error of least squares",
         where={"pair": True},
         rows=lambda trials: BY_LEVEL.cells(trials.pick(np.argsort(trials["order"], kind="stable"))),
     )
