@@ -18,12 +18,11 @@ from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backend_bases import GraphicsContextBase, RendererBase
-from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg, get_hinting_flag
+from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Figure
 from matplotlib.figure import SubFigure
-from matplotlib.font_manager import FontProperties
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -179,50 +178,9 @@ def _ticks(axes: Axes) -> Ticks:
     return tuple(found)
 
 
-class _Renderer(RendererAgg):
-    """Draw a level line of text as one image: matplotlib's own letter by letter takes three times as long."""
-
-    def draw_text(
-        self,
-        gc: GraphicsContextBase,
-        x: float,
-        y: float,
-        s: str,
-        prop: FontProperties,
-        angle: float,
-        ismath: bool | Literal["TeX"] = False,
-        mtext: Text | None = None,
-    ) -> None:
-        """Draw a text, see `RendererBase.draw_text`."""
-        if angle or ismath:
-            super().draw_text(gc, x, y, s, prop, angle, ismath, mtext)  # type: ignore[no-untyped-call]
-            return
-        font = self._prepare_font(prop)  # type: ignore[no-untyped-call]
-        font.set_text(s, 0.0, flags=get_hinting_flag())  # type: ignore[no-untyped-call]
-        font.draw_glyphs_to_bitmap(antialiased=True)
-        right, down = font.get_bitmap_offset()
-        at = round(x + right / 64), round(y + (down + font.get_descent()) / 64 + 0.5)
-        self._renderer.draw_text_image(font.get_image(), *at, 0, gc)
-
-
-class _Canvas(FigureCanvasAgg):
-    """Draw with `_Renderer`."""
-
-    _own: tuple[tuple[int, int, float], _Renderer] | None = (
-        None  #: Width, height, points per inch; for these.
-    )
-
-    def get_renderer(self) -> _Renderer:
-        """Return the renderer, the same one for the same size."""
-        size = (*self.get_width_height(physical=True), self.figure.dpi)
-        if self._own is None or self._own[0] != size:
-            self._own = size, _Renderer(*size)  # type: ignore[no-untyped-call]
-        return self._own[1]
-
-
 def _write_png(figure: Figure, path: Path | IO[bytes]) -> None:
     """Draw a figure in few colours, but where it holds an image."""
-    canvas = _Canvas(figure)
+    canvas = FigureCanvasAgg(figure)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")
         if figure.axes and figure.get_layout_engine() is not None:
