@@ -215,7 +215,7 @@ MAX_JOINT_MOTION = 0.1  #: Largest motion of a joint in one step [rad, m].
 MAX_TOOL_POINT_COORDINATE, UNIT_VECTOR_TOLERANCE = 10.0, 1e-6
 """Largest coordinate of a tool point in the tool's frame that is accepted [m], and error of a unit vector's
 length [1]."""
-DEFAULT_SPINDLE = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
+DEFAULT_SPINDLE_AXIS = (1.0, 0.0, 0.0)  #: Default axis of the spindle in the tool's frame [1].
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ class Aim:
     joint_meaning: JointMeaning | None = None
     tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Point in the tool's frame, (3,) [m].
     #: Unit vector of the spindle in the tool's frame, (3,) [1].
-    spindle: tuple[float, float, float] = DEFAULT_SPINDLE
+    spindle: tuple[float, float, float] = DEFAULT_SPINDLE_AXIS
 
     def __post_init__(self) -> None:
         """Check words, shapes, the size of the tool point and the length of the spindle; else BenchError."""
@@ -256,7 +256,7 @@ class Aim:
 
 
 def programmed_target(state: ArmState, q: Array, joint_meaning: JointMeaning, tool_point: Array) -> Target:
-    """Compute the poses of a tool point that programmed joints stand for.
+    """Compute the poses that a tool point shall reach, from the joints of a program.
 
     Mathematics: `cor-2`.
 

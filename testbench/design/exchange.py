@@ -71,7 +71,8 @@ WORKING_SET_GAP = 2.5e-4
 """Relative gap from the tangent's height to the working set's bound at which multiplicative steps end [1]."""
 CURVATURE_RIDGE = 1e-9
 """Ridge on the Newton model's curvature over its mean diagonal [1]: candidates may be linearly dependent."""
-EQUALITY_WEIGHT = 1e3  #: Weight of the equation sum w = N over the root of the curvature's mean diagonal [1].
+SUM_EQUATION_WEIGHT = 1e3
+"""Weight of the equation sum w = N over the root of the curvature's mean diagonal [1]."""
 MIN_NEWTON_STEP_SHARE = 1e-3  #: Least share of a Newton step that is tried [1].
 
 
@@ -194,7 +195,7 @@ def _best_of_model(slope: Array, H: Array, w: Array) -> Array:
     # |L^T x - L^-1 (H w + slope)|^2 is the model but for a constant; one stiff row keeps the sum of x
     size = float(np.trace(H)) / len(H)
     L = np.linalg.cholesky(H + CURVATURE_RIDGE * size * np.eye(len(H)))
-    stiff = EQUALITY_WEIGHT * np.sqrt(size)
+    stiff = SUM_EQUATION_WEIGHT * np.sqrt(size)
     A, b = np.vstack([L.T, np.full(len(w), stiff)]), np.r_[np.linalg.solve(L, H @ w + slope), stiff * w.sum()]
     x, _ = nnls(A, b)
     return np.asarray(x * w.sum() / x.sum())
@@ -400,7 +401,7 @@ REFINEMENT_NEIGHBOURS, SINGLE_POSE_NEIGHBOURS = 32, 16
 REFINEMENT_ROUNDS, SINGLE_POSE_ROUNDS = 22, 14  #: Rounds of `refine_plan` and of `improve_single_poses`.
 FIRST_JOINT_STEP, STEP_SHRINKAGE = 0.25, 0.7
 """First standard deviation of a joint's step [rad], and its factor after a round without gain."""
-CHECKED_NEIGHBOURS = 8  #: Number of the best neighbours of a pose whose feasibility is checked in a round.
+N_CHECKED_NEIGHBOURS = 8  #: Number of the best neighbours of a pose whose feasibility is checked in a round.
 MIN_REFINEMENT_GAIN = 1e-6  #: Least relative gain of Phi for which a pose moves to a neighbour [1].
 POSES_AT_ONCE = 32  #: Poses of the plan whose neighbours' rows are computed together.
 
@@ -512,7 +513,7 @@ def _reach(criterion: Criterion, M: Array) -> _Reached:
 
 
 def _better(criterion: Criterion, reached: _Reached, replaced: Array, rows: Array, others: Array) -> Ids:
-    """Find the trials that increase Phi in place of a pose, the best first, at most `CHECKED_NEIGHBOURS`.
+    """Find the trials that increase Phi in place of a pose, the best first, at most `N_CHECKED_NEIGHBOURS`.
 
     `rows` are those of the trials, (trials, k, r), `replaced` those of the pose, (k, r). `others` is the
     information of the plan without the pose, (r, r). Phi is only computed for trials that the tangent plane
@@ -524,7 +525,7 @@ def _better(criterion: Criterion, reached: _Reached, replaced: Array, rows: Arra
     if not len(hopeful):
         return hopeful
     values = criterion.phi_with_candidate(others, rows[hopeful])
-    first = np.argsort(-values)[:CHECKED_NEIGHBOURS]
+    first = np.argsort(-values)[:N_CHECKED_NEIGHBOURS]
     return np.asarray(hopeful[first[values[first] > floor]])
 
 
@@ -685,7 +686,7 @@ def choose_poses_and_gauges(
             (candidates, m, 3, r) [1].
         problem: Candidates, for the prior's information.
         criterion: Information function Phi.
-        gauges: Number of gauges in a pose.
+        gauges: Number and accuracy of the gauges.
         n_poses: Number of poses to measure.
 
     Returns:
@@ -702,14 +703,14 @@ def choose_poses_and_gauges(
     return GaugePlan(pose, marker[way], axis[way], problem.prior_information + A.T @ A)
 
 
-def choose_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges) -> GaugePlan:
-    """Choose the gauges in given poses, pose by pose, until other gauges in one pose do not help.
+def place_gauges(rows: Array, problem: DesignProblem, criterion: Criterion, gauges: Gauges) -> GaugePlan:
+    """Choose marker and axis of every gauge in given poses, until no change in a single pose helps.
 
     Args:
         rows: Whitened rows of a gauge at every marker along every axis, `gauge_rows`, (poses, m, 3, r) [1].
         problem: Candidates, for the prior's information.
         criterion: Information function Phi.
-        gauges: Number of gauges in a pose.
+        gauges: Number and accuracy of the gauges.
 
     Returns:
         The gauges of all poses in order.

@@ -37,13 +37,13 @@ from testbench.design.exchange import (
     PlacedGauges,
     PoseSearch,
     RelaxedDesign,
-    choose_gauges,
     choose_poses_and_gauges,
     collect_placed_gauges,
     gauge_rows,
     greedy_plan,
     improve_single_poses,
     most_informative_gauges,
+    place_gauges,
     refine_plan,
     select_poses,
     sensitivity,
@@ -68,7 +68,7 @@ from testbench.progress import stepwise
 
 # --- The order of measuring: the shortest way through all poses ---------------------------------------------
 
-NEAREST_PLACES = 12  #: Number of nearest places of each place, whose legs are tried first.
+N_NEAREST_PLACES = 12  #: Number of nearest places of each place, whose legs are tried first.
 MIN_LEG_SHARE = 1e-7  #: Part of a leg in a linear relaxation above which the leg is used [1].
 MAX_EXACT_PLACES = 101  #: Most places whose legs are all tried: 100 poses and the cut.
 
@@ -151,7 +151,7 @@ def _near_legs(cost: Array) -> Mask:
     n = len(cost)
     rank = np.argsort(np.where(np.eye(n, dtype=bool), np.inf, cost), axis=1, kind="stable")
     near = np.zeros((n, n), dtype=bool)
-    near[np.arange(n)[:, None], rank[:, :NEAREST_PLACES]] = True
+    near[np.arange(n)[:, None], rank[:, :N_NEAREST_PLACES]] = True
     near[np.arange(n), np.roll(np.arange(n), 1)] = True
     return np.asarray(near | near.T)
 
@@ -367,7 +367,7 @@ def _exchange_places(plan: Plan, gauges: Gauges, every: Array) -> tuple[GaugePla
         The gauges, and the candidate of every pose, (poses,).
     """
     problem, criterion = plan.candidates.problem, plan.criterion
-    start = choose_gauges(every[plan.chosen_indices], problem, criterion, gauges)
+    start = place_gauges(every[plan.chosen_indices], problem, criterion, gauges)
     useful = most_informative_gauges(every, criterion.tangent(start.information).Z, gauges.count)[2]
     short = np.union1d(np.argsort(-useful, kind="stable")[:MAX_GAUGED_POSES], plan.chosen_indices)
     best = choose_poses_and_gauges(every[short], problem, criterion, gauges, plan.specification.n_poses)
@@ -403,7 +403,7 @@ def _better_gauges(
     marker, axis = given
     pose = np.arange(len(rows))
     kept = add_information(problem.prior_information, rows[pose[:, None], marker, axis])
-    plans = GaugePlan(pose, marker, axis, kept), choose_gauges(rows, problem, criterion, gauges)
+    plans = GaugePlan(pose, marker, axis, kept), place_gauges(rows, problem, criterion, gauges)
     return max(plans, key=lambda gauge_plan: criterion.phi(gauge_plan.information))
 
 

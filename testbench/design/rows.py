@@ -67,8 +67,8 @@ class PlanSpecification:
 class DesignProblem:
     """Hold the whitened rows and the prior of all candidates, in the r directions that they can observe.
 
-    The unknowns are x = expected + lift a + rest, with coordinates a of the observable directions, and a rest
-    that no candidate observes.
+    The unknowns are x = e + B a + z. e is their expectation, the columns of the matrix B (`lift`) are the r
+    observable directions, and a are the coordinates along these. No candidate observes the remainder z.
     """
 
     rows: Array  #: Whitened rows F of every candidate per unit of a, (candidates, k, r) [1].

@@ -266,7 +266,7 @@ def average_two_priors(
         softened_prior: Prior with less coupled links, see `with_weaker_coupling`, as units pi = L x.
 
     Returns:
-        The averaged estimate; its field `average` holds the models and their weights.
+        The averaged estimate; its field `averaged_models` holds the models and their weights.
 
     Raises:
         BenchError: When the best common scale of a prior is not above 0.
@@ -579,7 +579,7 @@ def average_models(
         for_intervals: Whether to compute the uncertainty of the learnt prior, which intervals need.
 
     Returns:
-        The averaged estimate; its field `average` holds the models and their weights.
+        The averaged estimate; its field `averaged_models` holds the models and their weights.
 
     Raises:
         BenchError: If the dataset requires a common scale of the prior that is not above 0.

@@ -160,8 +160,8 @@ def distance_directions(
         equilibrium: The arm at static equilibrium in every row.
 
     Returns:
-        Gradients by the position of the target, unit vectors in base axes, (m, 3, rows) [1], and predicted
-        distances, (m, rows) [m].
+        Gradients with respect to the target's position, unit vectors in base axes, (m, 3, rows) [1], and
+        predicted distances, (m, rows) [m].
     """
     frame = state.frame(series)
     beam = (

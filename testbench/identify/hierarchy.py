@@ -355,7 +355,7 @@ JOINT_COUPLING_UNCERTAINTY_PRIOR = 0.2, 0.7
 """Median of the couplings of joints over the geometric mean of both compliances, and standard deviation of
 its logarithm [1]. Only the model with coupled joints has them; its weight is its evidence
 (`identify.average`)."""
-ALL_JOINTS = "joints"
+COMMON_JOINT_SCALE_NAME = "joints"
 """Name of the common scale of all joints, as opposed to the links."""
 MAX_LOG_SCALE, MAX_LOG_MISFIT = 6.0, 30.0
 """Largest log scale, a factor of 400, and largest log kappa, since misfits have no bound [1]."""
@@ -371,8 +371,10 @@ MAX_SIGNAL_TO_NOISE = 1e6
 class LearntPriorModel:
     """Hold the evidence of the readings as a function of the hyperparameters h of a hierarchical prior.
 
-    h holds in this order: log scales log s (K), a log common factor of every kind of scale (links, joints,
-    joint laws), log w of whole links (W), log t of joint couplings if there are any, log u, log c, log kappa.
+    The hyperparameters h are logarithms, in this order: K scales s of links, joints and joint laws; a common
+    factor of every kind of scale; W factors w on the uncertainty of whole links; the relative size t of joint
+    couplings, if there are any; the relative uncertainties u of the entries and c of couplings in links; and
+    the ratio kappa of the noise of the readings to the stated noise.
     """
 
     scaling: PriorScaling  #: Units of the prior, at the common scale that fits the data.
@@ -635,7 +637,7 @@ def _scales(model: LearntPriorModel, h: Array, covariance: Array) -> tuple[Learn
     rows[range(len(compliance_scales)), K + model.scale_kinds[compliance_scales]] = -1
     if len(np.unique(kinds[compliance_scales])) > 1:
         rows = np.vstack([rows, (np.arange(m) == K + 1) * 1.0 - (np.arange(m) == K)])
-        names.append(ALL_JOINTS)
+        names.append(COMMON_JOINT_SCALE_NAME)
     deviations = np.sqrt(np.einsum("ki,ij,kj->k", rows, covariance, rows))
     factors = zip(names, np.exp(rows @ h[:m]), deviations, strict=True)
     return tuple(LearntScale(name, float(factor), float(deviation)) for name, factor, deviation in factors)
@@ -653,11 +655,11 @@ def contradicted_scales(weighted_prior: WeightedPrior) -> tuple[LearntScale, ...
     Mathematics: `prior-15`.
     """
 
-    def wrong(scale: LearntScale) -> bool:
+    def contradicts_prior(scale: LearntScale) -> bool:
         size = abs(math.log(scale.factor))
         return size > math.log(CONTRADICTION_FACTOR) and size > CONTRADICTION_DEVIATIONS * scale.log_deviation
 
-    return tuple(filter(wrong, weighted_prior.learnt_scales))
+    return tuple(filter(contradicts_prior, weighted_prior.learnt_scales))
 
 
 @dataclass(frozen=True)

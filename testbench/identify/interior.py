@@ -80,7 +80,7 @@ class BlockProgram:
 
     @cached_property
     def gram(self) -> Array:
-        """Compute R_k^T R_k of every residual, (K, n, n)."""
+        """Compute the Gram matrix R_k^T R_k of every residual R_k x - z_k, (K, n, n)."""
         return np.asarray(self.R.swapaxes(1, 2) @ self.R)
 
     def residual_weights(self, norms: Array) -> Array:
@@ -150,6 +150,8 @@ class Iterate:
 
     def distance_from_optimum(self, program: BlockProgram) -> float:
         """Bound the distance of the cost from its optimum by the duality gap x . s plus |x| |gradient - s|.
+
+        x are the unknowns of this iterate and s the multipliers of its blocks.
 
         With a barrier, the distance of the products X S from the barrier's weight replaces the gap.
 
@@ -364,16 +366,16 @@ class NesterovToddScaling:
 
     @cached_property
     def G(self) -> Array:
-        """Compute the scaling matrices G = L V d^-1/2 of all blocks, (..., blocks, m, m)."""
+        """Compute the Nesterov-Todd scaling matrices G of all blocks, (..., blocks, m, m)."""
         return np.asarray(self.L @ self.V / np.sqrt(self.d)[..., None, :])
 
     @cached_property
     def inverse(self) -> Array:
-        """Compute the inverse scaling matrices G^-1 of all blocks, (..., blocks, m, m)."""
+        """Compute the inverses of the Nesterov-Todd scaling matrices G, (..., blocks, m, m)."""
         return np.asarray(np.sqrt(self.d)[..., None] * (self.V.swapaxes(-1, -2) @ np.linalg.inv(self.L)))
 
     def scale_step(self, step: Array) -> Array:
-        """Scale a step of x: compute G^-1 dX G^-T of every block.
+        """Scale a step of the blocks X: compute G^-1 dX G^-T with the scaling matrices G.
 
         Args:
             step: Step dx, svec of the blocks dX, (..., n).
@@ -384,13 +386,13 @@ class NesterovToddScaling:
         return np.asarray(self.inverse @ cone.smat(step[..., self.indices]) @ self.inverse.swapaxes(-1, -2))
 
     def corrected_step_sum(self, target_product: float | Array, scaled_step: Array) -> Array:
-        """Compute the sum of the scaled steps of x and s that leads to products X S = target_product.
+        """Compute the scaled step of the blocks X plus that of their multipliers S, for X S = target_product.
 
-        It includes the second-order term of the predicted step (Mehrotra's corrector).
+        The sum includes the second-order term of the predicted step (Mehrotra's corrector).
 
         Args:
             target_product: Factor of the identity to which the products X S should tend, (...).
-            scaled_step: Predicted step of x, scaled, (..., blocks, m, m).
+            scaled_step: Predicted step of the blocks X, scaled, (..., blocks, m, m).
 
         Returns:
             Sum of the scaled steps, (..., blocks, m, m).
@@ -401,11 +403,11 @@ class NesterovToddScaling:
         return np.asarray((target_product / self.d - self.d)[..., None] * identity + product)
 
     def longest_step(self, scaled_step: Array, step_sum: Array) -> Array:
-        """Compute the longest step that keeps x and s positive semi-definite.
+        """Compute the longest step that keeps the blocks and their multipliers positive semi-definite.
 
         Args:
-            scaled_step: Step of x, scaled, (..., blocks, m, m).
-            step_sum: Sum of the scaled steps of x and s, (..., blocks, m, m).
+            scaled_step: Step of the blocks, scaled, (..., blocks, m, m).
+            step_sum: Sum of the scaled steps of blocks and multipliers, (..., blocks, m, m).
 
         Returns:
             Largest factor on both steps, (...) [1].
@@ -461,6 +463,8 @@ class _State:
 
 def solve_batch(problems: BatchedProblems, trace_weights: Array) -> tuple[Array, Array]:
     """Minimise |R_f x|^2 / 2 - g_f . x + weight c . x for every fold f and every weight of the trace term.
+
+    R_f and g_f are root and right-hand side of the fold's normal equations, and c . x is the trace.
 
     Args:
         problems: One least-squares problem per fold.
@@ -594,7 +598,7 @@ class _Newton:
 
     @cached_property
     def roots(self) -> list[Array]:
-        """Compute the Cholesky factor of 1 + S S^T of every problem, (rank, rank) each."""
+        """Compute the Cholesky factor of every problem's matrix `inner`, 1 + S S^T, (rank, rank) each."""
         return [dpotrf(matrix, lower=1)[0] for matrix in self.inner]
 
     @classmethod
@@ -619,7 +623,7 @@ class _Newton:
         return cls(scalings, K, S, S @ S.swapaxes(1, 2) + np.eye(R.shape[1]))
 
     def scale_gradient(self, gradient: Array) -> Array:
-        """Scale gradients: compute svec(G^T V G) from svec(V).
+        """Scale gradients V: compute svec(G^T V G) from svec(V), with the scaling matrices G.
 
         Args:
             gradient: Gradients svec(V) with respect to x, (problems, n).
@@ -633,7 +637,7 @@ class _Newton:
         return scaled
 
     def unscale_step(self, scaled_step: Array) -> Array:
-        """Convert scaled steps to steps of x: compute svec(G Y G^T) from svec(Y).
+        """Convert scaled steps Y to steps of x: compute svec(G Y G^T), with the scaling matrices G.
 
         Args:
             scaled_step: Scaled steps svec(Y), (problems, n).

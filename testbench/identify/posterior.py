@@ -452,7 +452,7 @@ def student_quantile(dof: float, probability: float) -> float:
 
     Args:
         dof: Degrees of freedom; infinite for the normal distribution.
-        probability: Probability, in (0, 1) [1].
+        probability: Probability p, in (0, 1) [1].
 
     Returns:
         The value that the variable exceeds with the probability 1 - p [1].

@@ -318,7 +318,7 @@ def _named(
         The function.
     """
 
-    def build(arm: Arm) -> Structure:
+    def build_structure(arm: Arm) -> Structure:
         which = range(len(arm.links)) if links is None else links
         if max(which) >= len(arm.links):
             raise BenchError(
@@ -328,7 +328,7 @@ def _named(
         structure = Structure.of(arm, links=[arm.links[i].name for i in which], joints=free, entries=entries)
         return replace(structure, name=f"{name.rstrip(digits)}{structure.n_parameters}")
 
-    return build
+    return build_structure
 
 
 mls36 = _named("MLS36", entries=UNSYMMETRIC_ENTRIES)

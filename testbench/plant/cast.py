@@ -150,7 +150,7 @@ def equivalent_plate_thickness(
     wall_width: Array,
     rib_pitch: Array,
     rib_width: Array,
-    equivalent_plate_thickness: Array,
+    rib_thickness: Array,
 ) -> Array:
     """Compute the thickness of a plate that is as stiff in shear as a row of ribs with gaps between them.
 
@@ -163,13 +163,13 @@ def equivalent_plate_thickness(
         wall_width: Width b of the wall that the ribs replace, (sections,) [m].
         rib_pitch: Distance a from rib to rib, (sections,) [m].
         rib_width: Width of a rib along the beam, (sections,) [m].
-        equivalent_plate_thickness: Thickness of a rib, (sections,) [m].
+        rib_thickness: Thickness of a rib, (sections,) [m].
 
     Returns:
         Thickness of the plate, (sections,) [m].
     """
-    bending = rib_pitch * wall_width / (material.E * equivalent_plate_thickness * rib_width**3)
-    shear = 1.2 * rib_pitch / (wall_width * material.G * equivalent_plate_thickness * rib_width)
+    bending = rib_pitch * wall_width / (material.E * rib_thickness * rib_width**3)
+    shear = 1.2 * rib_pitch / (wall_width * material.G * rib_thickness * rib_width)
     return np.asarray(1 / (material.G * wall_width * (bending + shear)))
 
 
@@ -351,23 +351,23 @@ def draw_casting(length: float, bending_compliance: float, rng: np.random.Genera
     # I = pi D^3 t / 8, t = D / 20
     wide = (8 * TUBE_DIAMETER_OVER_WALL * length / (np.pi * CAST_IRON.E * bending_compliance)) ** 0.25
 
-    def draw(name: str) -> float:
+    def draw_dimension(name: str) -> float:
         return float(rng.uniform(*CASTING_RANGES[name]))
 
     return Casting(
         length=length,
         root_size=wide * rng.uniform(*CASTING_RANGES["root_size"], 2),
         tip_size_ratio=rng.uniform(*CASTING_RANGES["tip_size_ratio"], 2),
-        top_over_bottom=draw("top_over_bottom"),
+        top_over_bottom=draw_dimension("top_over_bottom"),
         root_thickness=wide / TUBE_DIAMETER_OVER_WALL,
         wall_factors=rng.uniform(*CASTING_RANGES["wall_factors"], 4),
-        tip_thickness_ratio=draw("tip_thickness_ratio"),
-        section_angle=draw("section_angle"),
+        tip_thickness_ratio=draw_dimension("tip_thickness_ratio"),
+        section_angle=draw_dimension("section_angle"),
         line_offset=wide * rng.uniform(*CASTING_RANGES["line_offset"], 2),
         bow_height=length * rng.uniform(*CASTING_RANGES["bow_height"], 2),
         open_side=int(rng.integers(4)) if rng.random() > CLOSED_BOX_PROBABILITY else None,
-        rib_pitch_ratio=draw("rib_pitch_ratio"),
-        rib_width_ratio=draw("rib_width_ratio"),
+        rib_pitch_ratio=draw_dimension("rib_pitch_ratio"),
+        rib_width_ratio=draw_dimension("rib_width_ratio"),
     )
 
 

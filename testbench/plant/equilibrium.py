@@ -265,7 +265,7 @@ def compensator_force(
     Mathematics: `law-10`.
 
     Args:
-        compensator: The compensator, with its constants in all poses.
+        compensator: The compensator, with its geometry and stiffness in all poses.
         plant: The true arm.
         state: The deflected poses, k of them.
         pose_indices: Index of each of them among all poses, (k,).
@@ -285,7 +285,7 @@ def correct_steps_for_compensator(compensator: CompensatorState, steps: Array, p
     The inverse of C (C^-1 + k g g^T) is applied by the formula of Sherman and Morrison.
 
     Args:
-        compensator: The compensator, with its constants in all poses.
+        compensator: The compensator, with its geometry and stiffness in all poses.
         steps: Newton steps of some poses without the compensator, (m, nv) [m, rad].
         pose_indices: Index of each of them among all poses, (m,).
 

@@ -352,7 +352,7 @@ def find_contacts(rigid_cell: RigidCell, q: Array) -> list[Contact | None]:
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Per pose the first contact in the order of `CONTACT_CATEGORIES`; None if there is none.
+        For every pose the first contact in the order of `CONTACT_CATEGORIES`; None if there is none.
 
     Raises:
         BenchError: When q has another shape or is not finite.
@@ -394,7 +394,7 @@ def find_collisions(rigid_cell: RigidCell, q: Array) -> list[tuple[str, str] | N
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Per pose the names of the bodies of its first contact; None if there is no contact.
+        For every pose the names of the bodies of its first contact; None if there is no contact.
     """
     return [contact.bodies if contact else None for contact in find_contacts(rigid_cell, q)]
 
@@ -440,7 +440,8 @@ def find_hidden_markers(rigid_cell: RigidCell, q: Array) -> list[tuple[str, str]
         q: Actuated joints, (poses, n) [rad, m].
 
     Returns:
-        Per pose the names of the marker and of the body that blocks it; None if all markers are visible.
+        For every pose the names of the marker and of the body that blocks it; None if all markers are
+        visible.
 
     Raises:
         BenchError: When the cell has no tracker.

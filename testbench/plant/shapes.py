@@ -301,8 +301,8 @@ def undeflected_body_poses(plant: Plant, q: Array, names: Sequence[str]) -> list
         names: Names of the bodies.
 
     Returns:
-        Per body its origin in the world, (runs, 3) [m], and its orientation, world from body, (runs, 3, 3)
-        [1].
+        For every body its origin in the world, (runs, 3) [m], and its orientation, world from body,
+        (runs, 3, 3) [1].
     """
     q = check_array(q, (None, plant.arm.n_joints), "q [rad, m]")
     bodies = np.array([plant.model.body(name).id for name in names])

@@ -74,7 +74,7 @@ AXIS_COMPLIANCE_LOG_DEVIATION = 0.5
 """Standard deviation of the log change of a link's compliance with the pose, drawn for every axis [1]."""
 JOINT_COUPLING_RANGE = 0.2, 0.5
 """Range of the compliance between neighbouring joints over the geometric mean of theirs [1]."""
-SLIP_RANGE = 5e-5, 4e-4
+SLIP_HALF_WIDTH_RANGE = 5e-5, 4e-4
 """Range of the largest half width H of friction that slips gradually [rad]."""
 FAMILY_NAME = "family"
 """Name that selects all kinds of `FAMILY_TRUE_ARMS`: successive seeds use successive kinds."""
@@ -138,12 +138,12 @@ def deform_tube(C: Array, S: Array, distance: float) -> Array:
 def _deformed_tubes(share: float, arm: Arm, rng: np.random.Generator) -> Arm:
     """Deform every link by a distance from tubes, and rotate its axes by as many radians."""
 
-    def deform(link: Link) -> Link:
+    def deform_link(link: Link) -> Link:
         S = rng.standard_normal((6, 6))
         C = rotated_compliance(deform_tube(link.compliance, S + S.T, share), rng.standard_normal(3), share)
         return replace(link, compliance=check_compliance(C, f"{link.name} off tubes"))
 
-    return replace(arm, links=tuple(deform(link) for link in arm.links))
+    return replace(arm, links=tuple(deform_link(link) for link in arm.links))
 
 
 def _cast(arm: Arm, rng: np.random.Generator) -> Arm:
@@ -179,7 +179,7 @@ FAMILY_TRUE_ARMS: Mapping[str, TrueArm] = {
 
 
 def draw_from_family(arm: Arm, rng: np.random.Generator) -> Arm:
-    """Draw a true arm of a kind that is drawn from `FAMILY_TRUE_ARMS`, all kinds with equal probability.
+    """Draw a true arm of a random kind: all kinds in `FAMILY_TRUE_ARMS` are equally probable.
 
     Args:
         arm: The arm as its folder describes it.
@@ -222,11 +222,11 @@ def with_random_couplings(C: Array, rng: np.random.Generator) -> Array:
 
 
 def _coupled_links(arm: Arm, rng: np.random.Generator) -> Arm:
-    def couple(link: Link) -> Link:
+    def couple_link_axes(link: Link) -> Link:
         C = with_random_couplings(link.compliance, rng)
         return replace(link, compliance=check_compliance(C, f"{link.name} coupled"))
 
-    return replace(arm, links=tuple(couple(link) for link in arm.links))
+    return replace(arm, links=tuple(couple_link_axes(link) for link in arm.links))
 
 
 def _soft_bearings(arm: Arm, rng: np.random.Generator) -> Arm:
@@ -294,7 +294,7 @@ def _all_joints_coupled(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
 def _slipping(arm: Arm, rng: np.random.Generator) -> "SpringEffects":
     from testbench.plant.disturbance import SpringEffects
 
-    least, most = np.log(SLIP_RANGE)
+    least, most = np.log(SLIP_HALF_WIDTH_RANGE)
     return SpringEffects(max_slip_half_width=np.exp(rng.uniform(float(least), float(most), arm.n_joints)))
 
 

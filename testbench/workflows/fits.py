@@ -16,7 +16,7 @@ from testbench.errors import Array, BenchError, Doubt
 from testbench.files.read_pairs import SIGMA
 from testbench.identify.estimate import DeflectionErrors, Estimate, deflections, score
 from testbench.identify.hierarchy import (
-    ALL_JOINTS,
+    COMMON_JOINT_SCALE_NAME,
     UndeterminedCompliances,
     contradicted_scales,
     undetermined_compliances,
@@ -62,7 +62,7 @@ def of_scale(scale: LearntScale) -> Doubt:
     """Doubt a scale of a learnt prior that the readings contradict."""
     low, high = (scale.factor * math.exp(sign * 2 * scale.log_deviation) for sign in (-1, 1))
     name, verb, others = scale.name, "is", "the other links or joints"
-    if name == ALL_JOINTS:
+    if name == COMMON_JOINT_SCALE_NAME:
         name, verb, others = "the joints", "are", "the links"
     size = f"{scale.factor:.2g} times ({low:.2g} to {high:.2g}) as compliant as in the prior"
     return Doubt("prior", f"compared with {others}, {name} {verb} {size}: check the arm's folder")

@@ -20,11 +20,11 @@ from testbench.design.exchange import (
     Feasibility,
     Gauges,
     PoseSearch,
-    choose_gauges,
     choose_poses_and_gauges,
     exchange_poses,
     greedy_plan,
     improve_single_poses,
+    place_gauges,
     refine_plan,
     sensitivity,
     solve_relaxed_design,
@@ -325,7 +325,7 @@ def phi_of(rows, problem, criterion, places):
 @pytest.mark.parametrize("seed", range(3))
 def test_no_other_gauges_in_one_pose_are_better_than_those_chosen(seed):
     rows, problem = gauge_problem(seed)
-    found = choose_gauges(rows, problem, A_OPTIMAL, GAUGES)
+    found = place_gauges(rows, problem, A_OPTIMAL, GAUGES)
     chosen = [[(p, *own) for own in zip(found.marker[p], found.axis[p], strict=True)] for p in range(5)]
     own = phi_of(rows, problem, A_OPTIMAL, list(itertools.chain.from_iterable(chosen)))
     assert own == pytest.approx(A_OPTIMAL.phi(found.information))
@@ -340,7 +340,7 @@ def test_places_chosen_together_with_their_gauges_beat_any_given_ones():
     rows, problem = gauge_problem(7)
     free = choose_poses_and_gauges(rows, problem, A_OPTIMAL, GAUGES, 3)
     for some in itertools.combinations(range(5), 3):
-        given = choose_gauges(rows[list(some)], problem, A_OPTIMAL, GAUGES)
+        given = place_gauges(rows[list(some)], problem, A_OPTIMAL, GAUGES)
         assert A_OPTIMAL.phi(given.information) <= A_OPTIMAL.phi(free.information) * 1.03
     with pytest.raises(BenchError, match="gauges: expected 1 to 3"):
-        choose_gauges(rows, problem, A_OPTIMAL, Gauges(4, 5e-6, 0.0))
+        place_gauges(rows, problem, A_OPTIMAL, Gauges(4, 5e-6, 0.0))

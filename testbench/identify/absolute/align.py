@@ -237,7 +237,7 @@ def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: f
         dof_ratio: Degrees of freedom of the residuals over the number of equations [1].
 
     Returns:
-        Noise with the model errors of positions and of orientations; its factors are 1.
+        Noise with the model errors of positions and of orientations; the factors on the noise are 1.
     """
     none = np.zeros(0)
     position, rotation = [(none, none)], [(none, none)]  # lengths of residuals, variances of readings
@@ -517,7 +517,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     free, f = deviation > 0, len(series.frame_deviations)
     arms = [undeflected_arm(state.vjm, part.q, []) for part in parts]
 
-    def move(steps: Array) -> tuple[Frame, Mount]:
+    def moved_frame_and_mount(steps: Array) -> tuple[Frame, Mount]:
         """Move the stated frame and the nominal targets by steps of the free unknowns."""
         every = np.zeros(len(deviation))
         every[free] = steps
@@ -526,7 +526,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
 
     def distance_errors(steps: Array) -> list[Array]:
         """Compute measured minus modelled distances of each part, (read,) [m]."""
-        frame, mount = move(steps)
+        frame, mount = moved_frame_and_mount(steps)
         moved = replace(state, frames={series.frame: frame}, mounts={series.mount: mount})
         errors = []
         for part, arm in zip(parts, arms, strict=True):
@@ -545,7 +545,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     if series.distance_offset_sigma:
         start[3] = np.median(np.concatenate(distance_errors(start)))
     steps = least_squares(whitened_residuals, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
-    frame, mount = move(steps)
+    frame, mount = moved_frame_and_mount(steps)
     for part, before, after in zip(parts, distance_errors(start), distance_errors(steps), strict=True):
         _check_placed(state, part, (before, after), frame)
     return frame, mount

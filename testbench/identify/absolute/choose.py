@@ -485,7 +485,7 @@ HUBER_THRESHOLD = 1.345
 """Threshold of Huber's loss in standard deviations [1]: 95 % efficiency for normal errors."""
 MIN_TORQUE_NOISE_RATIO = 1e-4
 """Least noise of the torques of a joint, over their standard deviation [1]."""
-REWEIGHTINGS = 10  #: Reweighted solutions of the robust least squares.
+N_REWEIGHTINGS = 10  #: Reweighted solutions of the robust least squares.
 MAX_POSES_IN_MEMORY = 1000  #: Most poses whose columns of all virtual joints are in memory together.
 
 
@@ -562,7 +562,7 @@ def _fit(nominal_masses: BodyMasses, names: Sequence[str], A: Array, y: Array) -
     ones = np.ones_like(y)
     spread, left = _scatter(_off_mean(y, ones)), _off_mean(y_0, ones)
     before, x = _scatter(left), np.zeros_like(sd)
-    for _ in range(REWEIGHTINGS):
+    for _ in range(N_REWEIGHTINGS):
         sigma = np.maximum(_scatter(left), MIN_TORQUE_NOISE_RATIO * spread)[:, None]
         sigma = np.where(sigma > 0, sigma, 1.0)  # a joint without torques
         w = np.minimum(1, HUBER_THRESHOLD * sigma / np.maximum(np.abs(left), 1e-300)) / sigma**2

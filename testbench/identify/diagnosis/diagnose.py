@@ -45,7 +45,7 @@ from testbench.identify.diagnosis.moves import (
     most_significant_steps,
     nuisance_model,
     p_value,
-    with_rms_shift,
+    with_rms_shift_of_targets,
 )
 from testbench.identify.equations import MAX_ROBUST_READINGS, check_runs
 from testbench.identify.prior import Prior, scale_by_prior
@@ -301,7 +301,7 @@ def find_moves(vjm: Vjm, data: Dataset, prior: Prior) -> list[Issue]:
     )
     clear = MAX_P_VALUE / (2 * sum(map(len, steps)))
     moves = [
-        with_rms_shift(nuisance, readings, step)
+        with_rms_shift_of_targets(nuisance, readings, step)
         for readings, step in most_significant_steps(nuisance, series, steps)
         if p_value(step) < clear
     ]

@@ -50,7 +50,7 @@ MIN_CERTAIN_ANGLE, MIN_EXPLAINED_SHARE = np.deg2rad(45.0), 0.7
 """Angle of g from -z [rad], and share of the typical deflection that it explains [1], above which g is
 certain."""
 MIN_GRAVITY_READINGS = 6  #: Fewest readings from which a direction of gravity is estimated.
-REWEIGHTINGS = 5  #: Reweighted solutions of the robust least squares.
+N_REWEIGHTINGS = 5  #: Reweighted solutions of the robust least squares.
 ROUNDING_ERROR = 1e-9  #: Rounding error of a rotation matrix [1].
 
 
@@ -215,7 +215,7 @@ def _by_deflections(vjm: Vjm, compliance_prior: PriorScaling, data: Dataset) -> 
     read = [weighted_readings(vjm, structure, with_gravity_along(data, e)) for e in np.eye(3)]
     A, y = np.stack([(readings.A @ pi).ravel() for readings in read], axis=1), read[0].y.ravel()
     weight = np.ones(len(y))
-    for _ in range(REWEIGHTINGS):
+    for _ in range(N_REWEIGHTINGS):
         x = np.linalg.lstsq(A * weight[:, None], y * weight)[0]
         off = np.linalg.norm((y - A @ x).reshape(-1, 3), axis=1)
         weight = np.repeat(1 / np.sqrt(1 + np.square(off / max(float(np.median(off)), 1e-12))), 3)

@@ -631,7 +631,7 @@ def _gauss_newton_step(observations: Observations, chain: ChainState, now: Kinem
 MAX_PERMUTED_JOINTS = 7
 SCREENED_ROWS, SCREENED_TARGETS = 30, 2  #: Most rows, evenly spaced, and first targets that screen orders.
 MAX_FITTED_JOINT_ORDERS = 6  #: Number of orders that are fitted, the best ones of the screening.
-REWEIGHTINGS = 3  #: Reweighted solutions of the linear form, so that an outlier does not choose the order.
+N_REWEIGHTINGS = 3  #: Reweighted solutions of the linear form, so that an outlier does not choose the order.
 MAX_JOINT_ORDERS_IN_MEMORY = 720  #: Number of orders whose equations are in memory together.
 #: Ridge of the normal equations, over their mean diagonal, for undetermined directions.
 RELATIVE_RIDGE = 1e-9
@@ -689,7 +689,7 @@ def _screened(observations: Observations, rows: Ids, orders: Ids) -> Array:
         target_columns = -R[:, :, :, None, :] * of[None, :, None, :, None]
         columns = np.concatenate([columns, target_columns.reshape(*target_columns.shape[:3], -1)], axis=3)
     weight, left = np.ones(right.shape[:2]), right
-    for _ in range(REWEIGHTINGS if columns.shape[3] else 0):
+    for _ in range(N_REWEIGHTINGS if columns.shape[3] else 0):
         held = columns * weight[..., None, None]
         H = np.einsum("orxa,orxb->oab", held, columns, optimize=True)
         g = np.einsum("orxa,orx->oa", held, right)

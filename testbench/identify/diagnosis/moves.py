@@ -309,8 +309,8 @@ def move_columns(nuisance: NuisanceModel, series: Series, A: Array, moved_object
     return np.asarray(np.einsum("sxcr,cz->sxzr", mount, T[:, : 3 if len(T) == 3 else 6]))
 
 
-def with_rms_shift(nuisance: NuisanceModel, series: Series, step: Issue) -> Issue:
-    """Add the RMS distance by which a step moves the targets to the details of its issue.
+def with_rms_shift_of_targets(nuisance: NuisanceModel, series: Series, step: Issue) -> Issue:
+    """Complete the issue of a step: note in its details how far the step moves the targets.
 
     Args:
         nuisance: The linear model of all errors other than the step.
@@ -387,7 +387,7 @@ def _clear_step(series: Series, fitted: FittedState, compliance_prior: PriorScal
         middle = np.searchsorted(tried, thin[int(issue.details["place"])])
         low, high = tried[max(middle - 2, 0)], tried[min(middle + 2, len(tried) - 1)]
         issue = best_step(nuisance, ordered, np.union1d(tried, steps[(steps >= low) & (steps <= high)]))
-    return with_rms_shift(nuisance, ordered, issue) if _is_sure(issue) else None
+    return with_rms_shift_of_targets(nuisance, ordered, issue) if _is_sure(issue) else None
 
 
 def _is_sure(step: Issue) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbench.design.criteria import criterion_by_name
-from testbench.design.exchange import Gauges, choose_gauges, gauge_rows
+from testbench.design.exchange import Gauges, gauge_rows, place_gauges
 from testbench.design.planning import candidate_set
 from testbench.design.rows import MeasurementSetup, PlanSpecification, Tasks, workspace_rows
 from testbench.errors import Array
@@ -104,7 +104,7 @@ def _directions(cell: Cell, q: Array, around: Array, mass: float, count: int) ->
     spec = PlanSpecification(setup, (hung,), Tasks(around, hung), around, UNCERTAINTY, len(q))
     problem, gauges = candidate_set(spec, q).problem, Gauges(count, Gauge.sigma, Gauge.tilt_sigma)
     rows = gauge_rows(spec, q, np.zeros(len(q), dtype=int), gauges, problem.lift)
-    chosen = choose_gauges(rows, problem, criterion_by_name("I", problem, workspace_rows(spec)), gauges)
+    chosen = place_gauges(rows, problem, criterion_by_name("I", problem, workspace_rows(spec)), gauges)
     found = np.zeros((len(q), len(cell.arm.markers), 3))
     found[chosen.pose_index[:, None], chosen.marker] = np.eye(3)[chosen.axis]
     return found

@@ -16,7 +16,11 @@ import typer
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import Dataset, select_runs
 from testbench.identify.estimate import Estimate, deflections_of_models
-from testbench.identify.hierarchy import ALL_JOINTS, contradicted_scales, undetermined_compliances
+from testbench.identify.hierarchy import (
+    COMMON_JOINT_SCALE_NAME,
+    contradicted_scales,
+    undetermined_compliances,
+)
 from testbench.identify.method import least_squares
 from testbench.identify.prior import Prior, scale_by_prior
 from testbench.plant.true_arms import FAMILY_TRUE_ARMS
@@ -187,7 +191,11 @@ def _rows(
     def more(name: str, k: int) -> dict[str, object]:
         estimate = fits[name][k]
         return {
-            "wrong": ALL_JOINTS if far == "joints" else None if link is None else cell.arm.links[link].name,
+            "wrong": COMMON_JOINT_SCALE_NAME
+            if far == "joints"
+            else None
+            if link is None
+            else cell.arm.links[link].name,
             "link_share": share,
             "chosen": chosen[k].name if name == CHOSEN else None,
             "cover": cover(cell, estimate, truth) if name in COVERED else None,
