@@ -211,7 +211,7 @@ USUAL_STEPS, MAX_STEPS = 5, 60  #: Number of steps that suffice for most points,
 #: Number of steps after which steps are halved; after twice as many they are quartered.
 STEPS_BEFORE_HALVING = 10
 CONVERGED_JOINT_MOTION = 1e-9  #: Motion of all joints in a step below which a solved point is final [rad, m].
-MAX_JOINT_MOTION = 0.1  #: Largest motion of a joint in one step [rad, m].
+MAX_JOINT_MOTION_PER_STEP = 0.1  #: Largest motion of a joint in one step [rad, m].
 MAX_TOOL_POINT_COORDINATE, UNIT_VECTOR_TOLERANCE = 10.0, 1e-6
 """Largest coordinate of a tool point in the tool's frame that is accepted [m], and error of a unit vector's
 length [1]."""
@@ -459,5 +459,6 @@ def _joint_step(points: InverseStaticsProblem, errors: _Errors, q: Array, G: Arr
     if points.state.vjm.arm.dependence_matrix is not None:  # joints that follow others move as these do
         move = np.matvec(points.state.vjm.arm.dependence_matrix, move)
     return np.asarray(
-        move * np.minimum(1, MAX_JOINT_MOTION / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
+        move
+        * np.minimum(1, MAX_JOINT_MOTION_PER_STEP / np.maximum(np.abs(move).max(axis=1), 1e-300))[:, None]
     )

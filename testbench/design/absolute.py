@@ -27,10 +27,10 @@ from testbench.model.vjm import evaluate_chain, translational_jacobian
 POSES_AT_ONCE = 250  #: Poses whose rows of all unknowns are in memory at a time.
 FRAME_DEVIATION = 1.0
 """Prior standard deviation of tracker frames and mounts, so wide that a few poses determine them [m, rad]."""
-MIN_INFORMATION = 1e-3
+MIN_INFORMATION_OVER_PRIOR = 1e-3
 """Information of a plan of average poses over the prior's, from which a direction is observable [1]."""
-MIN_FOLLOW_UP_INFORMATION = 0.5
-"""Value of `MIN_INFORMATION` for a plan that follows earlier readings [1].
+MIN_FOLLOW_UP_INFORMATION_OVER_PRIOR = 0.5
+"""Value of `MIN_INFORMATION_OVER_PRIOR` for a plan that follows earlier readings [1].
 
 It leaves about a quarter of a thousand unknowns: those on which further readings add enough information.
 """
@@ -47,9 +47,9 @@ class AbsoluteSetup:
     pose_readings: Series
     #: Standard deviation of each joint's error that the unknowns do not model, (n,) [rad, m].
     unmodelled_joint_deviation: Array
-    #: Information over the prior's, below which a direction counts as unobservable, see `MIN_INFORMATION`
-    #: [1].
-    min_information: float = MIN_INFORMATION
+    #: Information over the prior's, below which a direction counts as unobservable [1], see
+    #: `MIN_INFORMATION_OVER_PRIOR`.
+    min_information: float = MIN_INFORMATION_OVER_PRIOR
     #: Distances and heights that are read in place of positions in one pose, each of one target, for every
     #: kind of pose; empty if positions are read.
     readings_by_kind: tuple[tuple[Series, ...], ...] = ()

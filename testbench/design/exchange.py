@@ -65,7 +65,7 @@ MIN_CANDIDATE_WEIGHT = (
 MAX_MULTIPLICATIVE_STEPS = 150  #: Most multiplicative steps in a round.
 FIRST_EXPONENT, EXPONENT_GROWTH, MAX_EXPONENT = 0.5, 1.3, 2.0
 """First exponent of a multiplicative step, and its factor after a step that climbs, up to `MAX_EXPONENT`."""
-NEW_CANDIDATES_SHARE = 0.02
+NEW_CANDIDATES_WEIGHT_SHARE = 0.02
 """Share of all weight that candidates without weight get before multiplicative steps [1]."""
 WORKING_SET_GAP = 2.5e-4
 """Relative gap from the tangent's height to the working set's bound at which multiplicative steps end [1]."""
@@ -208,7 +208,9 @@ def _multiply(prior: Array, criterion: Criterion, grams: Array, w: Array) -> Arr
     new = w == 0
     # a weight of zero stays zero under products: give new candidates some
     if new.any():
-        w = np.where(new, NEW_CANDIDATES_SHARE * total / new.sum(), (1 - NEW_CANDIDATES_SHARE) * w)
+        w = np.where(
+            new, NEW_CANDIDATES_WEIGHT_SHARE * total / new.sum(), (1 - NEW_CANDIDATES_WEIGHT_SHARE) * w
+        )
     plane = criterion.tangent(prior + (w @ grams).reshape(prior.shape))
     for _ in range(MAX_MULTIPLICATIVE_STEPS):
         g = grams @ plane.Z.ravel()

@@ -41,8 +41,8 @@ ORIENTATION_READING = "orientation"
 class Dual:
     """Hold dual vectors y_k, |y_k| <= 1, one per term of F_M, Eq. (19); they prove a lower bound of F_M.
 
-    Each term of F_M is a norm |r_k| of residuals, and |r_k| >= y_k . r_k. Residuals are R pi - z, with the
-    triangular factor R of the equations, and one that no parameter changes.
+    Each term of F_M is a norm |r_k|, and |r_k| >= y_k . r_k. The residuals r_k are R pi - z, with the
+    triangular factor R of the equations, and one further number that no parameter changes.
     """
 
     y: Array  #: Dual variables of the residuals R pi - z, (terms, n) [1].

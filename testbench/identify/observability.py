@@ -355,7 +355,7 @@ PROPOSED_SIGMA_ROTATION = 250e-6
 """Standard deviation of a proposed orientation reading, as in section 5.2 of the paper [rad]."""
 REPEAT_PROPOSAL = "the same runs once more"
 """Description of the proposal that only averages noise, with which the others are compared."""
-EQUAL_ERROR_SHARE = 0.02
+EQUAL_PROPOSALS_ERROR_DIFFERENCE = 0.02
 """Relative difference of two expected errors below which their proposals rank the same [1]."""
 PRIOR_DECIDES_SHARE = 0.05
 """Share of a parameter's prior variance that the readings explain, below which the prior decides it [1]."""
@@ -515,7 +515,7 @@ def _placed(proposals: list[MeasurementProposal]) -> tuple[MeasurementProposal, 
     for k, proposal in enumerate(proposals):
         best = proposals[first]
         if (
-            proposal.expected_error > (1 + EQUAL_ERROR_SHARE) * best.expected_error
+            proposal.expected_error > (1 + EQUAL_PROPOSALS_ERROR_DIFFERENCE) * best.expected_error
             or proposal.rank != best.rank
         ):
             first = k

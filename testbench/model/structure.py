@@ -255,10 +255,10 @@ class Structure(Displayed):
         return np.asarray(C_theta)[self.rows, self.columns]
 
     def gradient_matrix(self, gradient: Array) -> Array:
-        """Convert a gradient with respect to pi into a matrix S with <S, C> = g . pi.
+        """Convert a gradient g with respect to pi into a matrix S with <S, C_theta> = g . pi.
 
         Args:
-            gradient: Gradient with respect to pi, (n,).
+            gradient: Gradient g, (n,).
 
         Returns:
             S, (n_theta, n_theta).

@@ -649,7 +649,7 @@ def tool_pose_and_jacobian(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
 
 POSES_PER_BATCH = 4096  #: Poses drawn at a time.
 POSES_PER_CHECK = 512  #: Poses checked at a time; drawing stops with the check that completes the count.
-MAX_BATCHES = 400  #: Batches drawn before the search is given up.
+MAX_POSE_BATCHES = 400  #: Batches drawn before the search is given up.
 
 
 @dataclass(frozen=True)
@@ -704,12 +704,12 @@ def random_poses(
         Actuated joints, (count, n) [rad, m], in the order in which they were drawn.
 
     Raises:
-        PoseError: When `MAX_BATCHES` times `POSES_PER_BATCH` draws yield too few; the message counts what
-            each condition left.
+        PoseError: When `MAX_POSE_BATCHES` times `POSES_PER_BATCH` draws yield too few; the message counts
+            what each condition left.
     """
     kept: list[Array] = []
     drawn = reached = 0
-    for _ in range(MAX_BATCHES):
+    for _ in range(MAX_POSE_BATCHES):
         q = vjm.arm.draw_poses(rng, POSES_PER_BATCH)
         drawn += len(q)
         for piece in np.split(q, range(POSES_PER_CHECK, POSES_PER_BATCH, POSES_PER_CHECK)):

@@ -324,7 +324,7 @@ def _strut_load(
 POSES_PER_BATCH = 512  #: Poses that are solved together: enough for numpy to be fast, few for the memory.
 STEP_TOLERANCE = 1e-9  #: A pose is in equilibrium when the last Newton step is below this [m, rad].
 MAX_ITERATIONS = 50  #: Most Newton steps of a pose.
-MAX_DEFLECTION = 0.5  #: Newton step at which a pose counts as having no equilibrium [m, rad].
+MAX_NEWTON_STEP = 0.5  #: Newton step at which a pose counts as having no equilibrium [m, rad].
 
 
 @dataclass(frozen=True)
@@ -563,7 +563,7 @@ def _newton(poses: PoseBatch, row: ArmCopies) -> Array:
         now = np.sqrt(np.vecdot(step, step))
         qpos[active], size[active] = at + step, now
         # A pose ends if its step is small, or fails if it leaves the elastic range.
-        done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_DEFLECTION)
+        done, going = now < STEP_TOLERANCE, (now >= STEP_TOLERANCE) & (now < MAX_NEWTON_STEP)
         for i in active[~done & ~going].tolist():
             lost[i] = _no_equilibrium_text(k, size[i])
         # A slow pose gets its own tangent.

@@ -205,8 +205,8 @@ def _soft_link(arm: Arm, rng: np.random.Generator) -> Arm:
 def with_random_couplings(C: Array, rng: np.random.Generator) -> Array:
     """Replace the off-diagonal entries of a compliance by random ones, from a random correlation matrix.
 
-    The correlations of 7 vectors of six normal numbers are uniform over all correlation matrices of order
-    six: Wishart's density with n + 1 degrees of freedom, divided by the scales.
+    The matrix is uniformly distributed over all correlation matrices of order six: it holds the correlations
+    of six variables in a sample of 7 independent normal draws.
 
     Args:
         C: Compliance, (6, 6) [m/N, rad/N, rad/(N m)]; its diagonal is kept.

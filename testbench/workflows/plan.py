@@ -537,7 +537,7 @@ def absolute_setup_after_readings(given: ArmModel, settings: PlanSettings) -> Ab
     L[:first, :first] = absolute.FRAME_DEVIATION * np.eye(first)
     L[first + given.uncertain_columns, first:] = root.T
     return AbsoluteSetup(
-        unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.MIN_FOLLOW_UP_INFORMATION
+        unknowns, state, L, pose, np.zeros(given.arm.n_joints), absolute.MIN_FOLLOW_UP_INFORMATION_OVER_PRIOR
     )
 
 

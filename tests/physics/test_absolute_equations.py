@@ -41,12 +41,12 @@ from testbench.identify.absolute.state import (
     ErrorPattern,
     Mount,
     Unknowns,
-    find_pattern,
+    error_pattern_basis,
+    error_pattern_coefficients,
+    find_error_pattern,
     joint_equilibrium,
     moved_frame,
     nominal_state,
-    pattern_basis,
-    pattern_coefficients,
     series_equilibrium,
     shift_fourier_coefficients,
     unknowns_of,
@@ -397,9 +397,9 @@ def test_waves_are_the_pattern_turned_and_mirrored_and_differences_that_add_up_t
     """Whatever joints without the pattern, low orders and other unknowns are."""
     pattern = ErrorPattern(tuple(PLACED), *map(tuple, zip(*PLACED.values(), strict=True)))
     first, size = 7, 7 + 4 * ERRORS.n_coefficients + 5
-    B, z = pattern_basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
+    B, z = error_pattern_basis(pattern, ERRORS, first, size).toarray(), rng.normal(size=size)
     np.testing.assert_allclose((B.T @ B) / np.diag(B.T @ B), np.eye(size), atol=1e-12)
-    at = first + ERRORS.n_coefficients * np.arange(4)[:, None] + pattern_coefficients(ERRORS)
+    at = first + ERRORS.n_coefficients * np.arange(4)[:, None] + error_pattern_coefficients(ERRORS)
     x, rest = B @ z, np.setdiff1d(np.arange(size), at[list(PLACED)])
     np.testing.assert_allclose(x[rest], z[rest])
     # its inverse is its transpose
@@ -423,7 +423,7 @@ def told(errors, ranges, rng):
 
 
 def sought(readings):
-    return find_pattern(readings, np.full(2 * K, OWN**2), np.full(2 * K, SIZE**2), HIGH)
+    return find_error_pattern(readings, np.full(2 * K, OWN**2), np.full(2 * K, SIZE**2), HIGH)
 
 
 @pytest.mark.parametrize("seed", [1000, 1001])
@@ -455,7 +455,7 @@ def test_what_is_found_by_a_pattern_is_as_sure_in_si_units(rng):
     pattern = ErrorPattern((0, 1), (0.0, 1.1), (1, -1))
     errors = JointErrorTerms(tuple(range(1, 5)))
     size = 2 * errors.n_coefficients
-    B, A, y = pattern_basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
+    B, A, y = error_pattern_basis(pattern, errors, 0, size), rng.normal(size=(40, size)), rng.normal(size=40)
     deviation, factor = np.r_[rng.uniform(0.5, 2.0, size - 3), [np.inf] * 3], 1.7
     own = SimpleNamespace(
         n_rigid=size,

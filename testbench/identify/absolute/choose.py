@@ -32,7 +32,7 @@ from testbench.identify.absolute.evidence import (
     learn_error_scales,
     solve_active_unknowns,
 )
-from testbench.identify.absolute.state import Unknowns, find_pattern, pattern_coefficients
+from testbench.identify.absolute.state import Unknowns, error_pattern_coefficients, find_error_pattern
 from testbench.identify.estimate import Constraint
 from testbench.identify.hierarchy import NormalEquationsSolution
 from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
@@ -234,7 +234,7 @@ def with_shared_pattern(
     unknowns = active_unknowns.unknowns
     errors = active_unknowns.unknowns.error_terms
     joints = active_unknowns.unknowns.vjm.arm.joints
-    waves = pattern_coefficients(errors)
+    waves = error_pattern_coefficients(errors)
     if "harmonics" not in error_kinds or not len(waves):
         return None
     at = unknowns.first_columns["errors"] + errors.n_coefficients * np.arange(len(joints))[:, None] + waves
@@ -251,7 +251,7 @@ def with_shared_pattern(
         )
     individual = INDIVIDUAL_PERIODIC_ERROR_SHARE * whole
     unknowns = replace(
-        unknowns, shared_pattern=find_pattern(joint_information, individual, whole - individual, orders)
+        unknowns, shared_pattern=find_error_pattern(joint_information, individual, whole - individual, orders)
     )
     if unknowns.equation_basis is None:
         return None

@@ -417,7 +417,7 @@ def fit_upright_frame(points: Array, measured: Array) -> Frame:
 
 MIN_PATTERN_ORDER = 3
 """Lowest order of an error pattern: errors of a joint's axis look like orders 1 and 2."""
-MIN_LOG_ODDS = 10.0
+MIN_SHARED_PATTERN_LOG_ODDS = 10.0
 """Least log odds of a joint's shift of the pattern, against any other shift and against no pattern [nats]."""
 MAX_COMPARED_SHIFTS = 8
 """Most shifts of a pattern whose evidence is compared, each a local maximum of the likelihood."""
@@ -438,7 +438,7 @@ class ErrorPattern:
     signs: tuple[int, ...]  #: Sign s of each of these joints, 1 or -1.
 
 
-def pattern_coefficients(error_terms: JointErrorTerms) -> Ids:
+def error_pattern_coefficients(error_terms: JointErrorTerms) -> Ids:
     """List the indices of a joint's Fourier coefficients that a pattern may have, k sines first, (2 k,)."""
     return np.flatnonzero(np.tile(error_terms.orders, 2) >= MIN_PATTERN_ORDER)
 
@@ -462,7 +462,7 @@ def shift_fourier_coefficients(coefficients: Array, shift: Array | float, sign: 
     return np.concatenate([a * c - b * s, sign * (a * s + b * c)], axis=-1)
 
 
-def pattern_basis(
+def error_pattern_basis(
     pattern: ErrorPattern, error_terms: JointErrorTerms, first_column: int, n_unknowns: int
 ) -> "csr_array":
     """Make the basis in which periodic errors of some joints are a shared pattern and differences from it.
@@ -482,7 +482,7 @@ def pattern_basis(
     from scipy.sparse import coo_array, csr_array
 
     n = len(pattern.joints)
-    waves = pattern_coefficients(error_terms)
+    waves = error_pattern_coefficients(error_terms)
     k = len(waves) // 2
     # Columns: the pattern, in place of the mean, then the differences between joints.
     mix = helmert(n, full=True).T
@@ -510,7 +510,7 @@ class _PatternInformation:
     individual_log_odds: float  #: Log odds of individual waves of full size against those of individual size.
 
 
-def find_pattern(
+def find_error_pattern(
     joint_information: Sequence[tuple[Array, Array]],
     individual_variance: Array,
     shared_variance: Array,
@@ -519,7 +519,7 @@ def find_pattern(
     """Find the pattern of periodic errors that some joints share.
 
     The joint that agrees best with the others starts; others are added in the order of their odds. In the end
-    the log odds of each joint, given all others, must exceed `MIN_LOG_ODDS`.
+    the log odds of each joint, given all others, must exceed `MIN_SHARED_PATTERN_LOG_ODDS`.
 
     Mathematics: `abs-11`.
 
@@ -562,14 +562,14 @@ def find_pattern(
     while len(members) < len(every):
         found = {j: best_shift(j, members) for j in joints if j not in members}
         best = max(found, key=lambda j: found[j][2])
-        if found[best][2] < MIN_LOG_ODDS:
+        if found[best][2] < MIN_SHARED_PATTERN_LOG_ODDS:
             break
         members[best] = found[best][:2]
     # Remove joints whose odds, given all others, do not suffice.
     while len(members) > 1:
         again = {j: best_shift(j, members) for j in members}
         worst = min(again, key=lambda j: again[j][2])
-        if again[worst][2] >= MIN_LOG_ODDS:
+        if again[worst][2] >= MIN_SHARED_PATTERN_LOG_ODDS:
             return _relative_to_first({j: (shift, sign) for j, (shift, sign, _) in again.items()})
         del members[worst]
     return None
@@ -766,7 +766,9 @@ class Unknowns:
         """
         if self.shared_pattern is None:
             return None
-        return pattern_basis(self.shared_pattern, self.error_terms, self.first_columns["errors"], self.size)
+        return error_pattern_basis(
+            self.shared_pattern, self.error_terms, self.first_columns["errors"], self.size
+        )
 
     def values(self, state: ArmState) -> Array:
         """Return the values of all unknowns in a model of an arm; frames and mounts are steps, thus zero.

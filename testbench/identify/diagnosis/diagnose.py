@@ -57,7 +57,7 @@ from testbench.progress import stepwise
 NO_FREE_PARAMETERS = FreeParameters()
 #: Median deflection, over the expected distance, above which loaded readings must fit the kinematics [1].
 MAX_DEFLECTION_RATIO = 20.0
-MAX_RUNS_PER_BATCH, MAX_BATCHES = 90, 12  #: Most runs that are tested together, and most batches of them.
+MAX_RUNS_PER_BATCH, MAX_RUN_BATCHES = 90, 12  #: Most runs that are tested together, and most batches of them.
 #: Mistakes that the registration corrects, so that the loads are tested anyway.
 ISSUES_CORRECTED_BY_REGISTRATION = ("frame", "targets")
 
@@ -215,7 +215,9 @@ def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
     parts = max(
         1, -(-data.n_runs // max(1, min(MAX_RUNS_PER_BATCH, MAX_ROBUST_READINGS // readings_per_run)))
     )
-    subsets = [select_runs(data, np.arange(data.n_runs) % parts == k) for k in range(min(parts, MAX_BATCHES))]
+    subsets = [
+        select_runs(data, np.arange(data.n_runs) % parts == k) for k in range(min(parts, MAX_RUN_BATCHES))
+    ]
     issues = find_load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
     runs = {row.name for row in hypotheses.single_runs}
     if any(issue.name not in runs for issue in issues):
