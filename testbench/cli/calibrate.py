@@ -75,7 +75,7 @@ class CalibrateOptions:
     ] = None
     orders: Annotated[
         int, typer.Option(min=1, max=400, metavar="N", help="Highest order of periodic errors.")
-    ] = fit.MAX_ORDER
+    ] = fit.MAX_HARMONIC_ORDER
     least_squares: Annotated[
         bool, typer.Option("--least-squares", help="Use least squares instead of GCO.")
     ] = False

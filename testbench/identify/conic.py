@@ -108,11 +108,11 @@ def certify(estimate: Estimate, dual: Dual | None = None) -> Certificate:
         )
     regression = estimate.regression
     dual = gradient_dual(regression, estimate.pi) if dual is None else _checked_dual(regression, dual)
-    if estimate.penalty is None or estimate.trace_term_parameters is None:
+    if estimate.penalty is None or estimate.split_parameters is None:
         return lower_bound_certificate(regression, estimate.pi, dual, penalty=tie_break_penalty(regression))
     return lower_bound_certificate(
         estimate.penalty.in_split_parameters(regression),
-        estimate.trace_term_parameters,
+        estimate.split_parameters,
         dual,
         penalty=estimate.penalty,
     )
@@ -383,7 +383,7 @@ def solve_gco(regression: Regression, penalty: TracePenalty | None = None) -> Es
         certificate=certificate,
         solver_seconds=answer.solver_seconds,
         penalty=penalty,
-        trace_term_parameters=pi,
+        split_parameters=pi,
         bounded_by_tie_break=bool(
             papers
             and cost

@@ -191,8 +191,8 @@ class Estimate(Displayed):
     #: Constraint of the method on the blocks of C_theta; "own" where it is unknown.
     constraint: Constraint = "own"
     penalty: TracePenalty | None = None  #: Trace term of GCO without a prior; None for none.
-    #: Parameters of the trace term, which separates joints from links, (k,); None without a penalty.
-    trace_term_parameters: Array | None = None
+    #: Parameters with joints split from links, as the trace term needs them, (k,); None without a penalty.
+    split_parameters: Array | None = None
     #: Whether a compliance is unobservable and only the least trace of `paper_gco` keeps it finite.
     bounded_by_tie_break: bool = False
     weighted_prior: WeightedPrior | None = None  #: The prior that was used as data; None without one.

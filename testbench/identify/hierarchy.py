@@ -43,7 +43,7 @@ from testbench.model.laws import law_kinds, law_size_prior
 
 # --- Empirical Bayes for a linear model ---------------------------------------------------------------------
 
-MIN_EVIDENCE_GAIN = 1e-4
+MIN_EVIDENCE_GAIN_OF_STEP = 1e-4
 """Gain of log evidence below which a Newton step is the last one: the next step would gain its square [1]."""
 MAX_NEWTON_STEPS, MAX_HALVINGS = 100, 30  #: Most Newton steps, and most times that one is halved.
 STUDENT_SCALE, STUDENT_DOF = 0.4, 4.0
@@ -308,7 +308,7 @@ def maximise_evidence(
         step = np.zeros_like(h)
         step[free] = -Q @ (Q.T @ g[free] / np.maximum(np.abs(values), MIN_CURVATURE))
         before, posterior = posterior.neg_log_evidence, _halved_step(model, posterior, step)
-        if before - posterior.neg_log_evidence < MIN_EVIDENCE_GAIN:
+        if before - posterior.neg_log_evidence < MIN_EVIDENCE_GAIN_OF_STEP:
             break
     return posterior
 

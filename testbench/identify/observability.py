@@ -54,7 +54,7 @@ ZERO_DIRECTION_ENTRY = 1e-7
 """Change of a parameter over the largest change in a direction, below which it counts as zero [1]."""
 MIN_NEW_DIRECTION_SHARE = 1e-5
 """Part of a direction orthogonal to those found before, over its length, from which it counts as new [1]."""
-NEIGHBOUR_COUNTS = (1, 2, 3, 5)
+NEIGHBOURING_GROUP_COUNTS = (1, 2, 3, 5)
 """Numbers of neighbouring links and joints whose directions are searched together, before those of all."""
 UNDETERMINED_SHARE = 0.5
 """Share of the prior variance that remains from which a quantity counts as undetermined [1]."""
@@ -170,7 +170,7 @@ def zero_columns(A: Array) -> Mask:
 
 
 def _neighbouring_groups(groups: Sequence[Ids]) -> Iterator[Ids]:
-    for length in NEIGHBOUR_COUNTS:
+    for length in NEIGHBOURING_GROUP_COUNTS:
         for first in range(len(groups) - length + 1):
             yield np.concatenate(groups[first : first + length])
     yield np.concatenate(groups)

@@ -324,7 +324,7 @@ NOMINAL_TARGET_DEVIATION = 0.02
 """Standard deviation of a nominal target position along each axis [m]."""
 ASSUMED_NOISE = 1e-3
 """Noise s from geometric errors of the arm along an axis, if the readings do not determine it [m]."""
-MIN_SPARE_EQUATIONS = 6
+MIN_DEGREES_OF_FREEDOM = 6
 """Fewest degrees of freedom that determine the noise s."""
 STEP_TOLERANCE = 1e-9
 """Largest component of a Gauss-Newton step at which the fit has converged [m, rad]."""
@@ -558,7 +558,7 @@ def _gauss_newton(readings: MeanReadings, start: Registration) -> Registration |
             along = np.einsum("nxk,nx->nk", V, e)[kept]
             noise = (
                 FRAME_LOSS.extra_noise(along, values[kept], spare / along.size)
-                if spare >= MIN_SPARE_EQUATIONS
+                if spare >= MIN_DEGREES_OF_FREEDOM
                 else ASSUMED_NOISE
             )
             if np.abs(step).max() < STEP_TOLERANCE and abs(noise - before) <= NOISE_TOLERANCE * noise:

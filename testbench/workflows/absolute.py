@@ -28,7 +28,7 @@ from testbench.identify.absolute.align import (
 )
 from testbench.identify.absolute.choose import MassFit, fit_link_masses
 from testbench.identify.absolute.fit import (
-    SINGLE_ERRORS,
+    SINGLE_COEFFICIENT_ERRORS,
     Calibration,
     CalibrationOptions,
     calibrate,
@@ -441,9 +441,9 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
             )
             with raise_explanation(model.state.vjm):
                 placed = fit_frame_and_mount(with_drift(model), one, evenly_spaced_rows(one, some))
-        rest = select_rows(one, np.setdiff1d(np.arange(one.n_rows), placed.frame_rows))
+        rest = select_rows(one, np.setdiff1d(np.arange(one.n_rows), placed.rows_of_frame_fit))
         if not rest.n_rows:
-            used = f"all {len(placed.frame_rows)} rows are used to fit its frame"
+            used = f"all {len(placed.rows_of_frame_fit)} rows are used to fit its frame"
             raise BenchError(f"{one.name}: {used}, so none validates the model")
         left, covariance = predict_series(model, placed, rest)
         far.append(1e3 * np.linalg.norm(left, axis=2)[rest.is_measured])
@@ -464,7 +464,7 @@ def distance_statistics(mm: Array) -> Row:
 FREE_DEVIATION = 0.01
 """Standard deviation of what has no prior, frames and mounts [m, rad]: much more than readings leave of it,
 and not so much that rounding would hide the rest."""
-SINGLE = {kind: name for name, kind in SINGLE_ERRORS.items()}
+SINGLE = {kind: name for name, kind in SINGLE_COEFFICIENT_ERRORS.items()}
 STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling that beams lack"
 ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
 MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.

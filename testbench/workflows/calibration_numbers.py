@@ -21,7 +21,7 @@ from testbench.errors import Array, Ids
 from testbench.identify.absolute.align import Noise, align_all, residuals
 from testbench.identify.absolute.choose import SelectionStep
 from testbench.identify.absolute.evidence import DEFAULT_ERROR_SCALES, WIDE_PRIOR, ActiveUnknowns
-from testbench.identify.absolute.evidence import MAX_SCALE_FACTOR as MOST_OF_USUAL
+from testbench.identify.absolute.evidence import MAX_PRIOR_DEVIATION_FACTOR as MOST_OF_USUAL
 from testbench.identify.absolute.fit import Calibration, posterior_of_calibration
 from testbench.identify.absolute.posterior import further_information
 from testbench.identify.absolute.state import (

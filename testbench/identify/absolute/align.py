@@ -270,8 +270,8 @@ def estimate_model_error(state: ArmState, series: Sequence[Series], dof_ratio: f
 def single_reading_noise(noise: Noise, stated_variances: Array, repetitions: float) -> Noise:
     """Convert the noise of combined readings to that of a single reading in its pose.
 
-    A factor below 1 was estimated from means of k readings, whose variance is factor^2 (sigma^2 + k s^2). It
-    first lowers the model error s; only if s = 0 is still too much does it lower the noise of the readings.
+    Means of k readings have the variance factor^2 (sigma^2 + k s^2), with the model error s. If their factor
+    is below 1, s is lowered first. The noise sigma of the readings is lowered only if s = 0 is not enough.
 
     Args:
         noise: Noise of the combined readings.
@@ -376,7 +376,7 @@ UNNAMED_TARGET_DEVIATION = 1.0
 """Standard deviation of an unnamed target from the tool's origin, along each axis [m]."""
 MAX_POINT_DEVIATIONS = 5.0
 """Largest distance of a fixed point from its stated position, over its stated standard deviation [1]."""
-MAX_EVALUATIONS = 100
+MAX_RESIDUAL_EVALUATIONS = 100
 """Most evaluations of the residuals in the search for a fixed point or plane."""
 MAX_ORIENTATION_ERROR = 0.1
 """Largest median angle between measured orientations and the nominal arm [rad]; beyond it their notation is
@@ -544,7 +544,7 @@ def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> t
     start = np.zeros(free.sum())
     if series.distance_offset_sigma:
         start[3] = np.median(np.concatenate(distance_errors(start)))
-    steps = least_squares(whitened_residuals, start, loss="soft_l1", max_nfev=MAX_EVALUATIONS).x
+    steps = least_squares(whitened_residuals, start, loss="soft_l1", max_nfev=MAX_RESIDUAL_EVALUATIONS).x
     frame, mount = moved_frame_and_mount(steps)
     for part, before, after in zip(parts, distance_errors(start), distance_errors(steps), strict=True):
         _check_placed(state, part, (before, after), frame)

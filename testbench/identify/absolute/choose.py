@@ -48,11 +48,11 @@ MAX_JOINT_SPACE_BLOCKS = 16
 """Most blocks of joint space, over all series, that are held out in turn."""
 MIN_BLOCK_POSES = 6
 """Fewest poses of a block of joint space: fewer determine a frame too poorly."""
-MIN_HELD_OUT_DECREASE = 0.1
+MIN_HELD_OUT_ERROR_DECREASE = 0.1
 """Least relative decrease of the held-out mean square by a kind of error that is kept [1]: 5 % of the RMS."""
-MAX_HELD_OUT_INCREASE = 0.01
+MAX_HELD_OUT_ERROR_INCREASE = 0.01
 """Largest relative increase of the held-out mean square, in blocks or series, by a kind that is kept [1]."""
-REFIT_VARIANCE_RATIO = 100.0
+MIN_VARIANCE_RATIO_OF_REFIT = 100.0
 """Variance of a frame or mount without the held-out readings, over that with them, above which the held-out
 readings fit it anew [1]."""
 INDIVIDUAL_PERIODIC_ERROR_SHARE = 0.2
@@ -406,7 +406,7 @@ def _held_out(
     # Fit these, and those with a much larger variance, to the held-out parts, all else fixed.
     placements = rest[rest < k]
     opened = placements[
-        normal.variances(np.arange(len(placements))) > REFIT_VARIANCE_RATIO * variances[placements]
+        normal.variances(np.arange(len(placements))) > MIN_VARIANCE_RATIO_OF_REFIT * variances[placements]
     ]
     v, open_ = np.zeros(len(every) + 1), np.r_[alone, opened]
     v[at] = np.r_[normal.x, -1.0]
@@ -454,11 +454,11 @@ def _selection_step(tried: ErrorCandidate, before: _Trial, after: _Trial) -> Sel
         saved = (before.blocks[:, 3] - after.blocks[:, 3]) / count
         blocks, deviation = -math.expm1(-saved.sum()), max(1, len(saved)) * mean_and_standard_error(saved)[1]
     pays = (
-        blocks > max(MIN_HELD_OUT_DECREASE, deviation)
-        or gain > MIN_HELD_OUT_DECREASE
+        blocks > max(MIN_HELD_OUT_ERROR_DECREASE, deviation)
+        or gain > MIN_HELD_OUT_ERROR_DECREASE
         or tried.searches_pattern
     )
-    pays = pays and min(blocks, gain) > -MAX_HELD_OUT_INCREASE
+    pays = pays and min(blocks, gain) > -MAX_HELD_OUT_ERROR_INCREASE
     every = (before.blocks, after.blocks, before.series, after.series)
     rms = [
         math.sqrt(sums[:, 2].sum() / max(sums[:, 0].sum(), 1.0)) if len(sums) else math.nan for sums in every

@@ -71,9 +71,9 @@ DEFAULT_ERROR_SCALES: Mapping[str, float] = {
     "stiffening": 3e-5,
 }
 """Usual standard deviations of the unknowns of each kind [m, rad; rad per rad for the ratio]."""
-MAX_SCALE_FACTOR = 10.0
+MAX_PRIOR_DEVIATION_FACTOR = 10.0
 """Largest prior deviation over the usual one [1]; a larger one would stand for errors the model lacks."""
-MAX_SCALE_FACTOR_UNDETERMINED = 2.0
+MAX_PRIOR_DEVIATION_FACTOR_UNDETERMINED_FRAME = 2.0
 """Largest prior deviation over the usual one if readings leave a frame or mount undetermined [1]: larger
 errors of geometry would leave the linear range."""
 PSEUDO_OBSERVATIONS = 2.0
@@ -341,7 +341,11 @@ def _maximise_scales(
     first = np.searchsorted(active.columns, active.unknowns.first_columns["geometry"])
     placed = active.columns[:first]  # frames and mounts
     known[np.arange(first), np.arange(first)] = start.deviation[placed] ** -2.0
-    times = MAX_SCALE_FACTOR_UNDETERMINED if active.unknowns.undetermined_frames else MAX_SCALE_FACTOR
+    times = (
+        MAX_PRIOR_DEVIATION_FACTOR_UNDETERMINED_FRAME
+        if active.unknowns.undetermined_frames
+        else MAX_PRIOR_DEVIATION_FACTOR
+    )
     most = [times * DEFAULT_ERROR_SCALES[kind] for kind, _ in groups] + [np.inf] * len(equation_counts)
     problem = EvidenceModel(
         gram_matrices=gram,

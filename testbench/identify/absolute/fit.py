@@ -71,19 +71,19 @@ from testbench.model.load import BodyMasses, read_body_masses
 from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm
 
-MAX_ORDER = 80
+MAX_HARMONIC_ORDER = 80
 """Highest order of periodic joint errors that is tried, per turn [1]."""
 MAX_INTERMEDIATE_ROWS, MIN_SERIES_ROWS = 4000, 100
 """Most rows of all series, and fewest rows of each series, that an intermediate fit uses."""
-UNKNOWNS_PER_READING = 3.0
+MAX_HARMONIC_UNKNOWNS_PER_READING = 3.0
 """Most unknowns of periodic errors per reading [1]. It is above one: their learnt sizes regularise them, and
 missing orders harm. 50 poses of a UR10 give 0.17 mm in all other poses, with a limit of 0.6 only 0.38 mm."""
 MAX_REVERSED_SCATTER_RATIO = 0.5
 """Scatter of corrected readings over that of the readings as they are, below which these are rejected [1]."""
 COMMON_PATTERN = "common pattern"  #: Name of the periodic error that several joints share.
-SINGLE_ERRORS = {"gear ratio": "ratio", "backlash": "play", "stiffening": "stiffening"}
+SINGLE_COEFFICIENT_ERRORS = {"gear ratio": "ratio", "backlash": "play", "stiffening": "stiffening"}
 """Terms of `JointErrorTerms` with one coefficient per joint, by the name of the error."""
-SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *SINGLE_ERRORS)
+SELECTABLE_ERRORS = ("joint springs", "joint errors", COMMON_PATTERN, "links", *SINGLE_COEFFICIENT_ERRORS)
 """Names of the errors that a calibration tries in addition to geometry, in order."""
 
 
@@ -92,7 +92,7 @@ class CalibrationOptions:
     """Hold the settings of a calibration: its method, and the errors of `SELECTABLE_ERRORS` that it tries."""
 
     constraint: Constraint = "psd"  #: "psd" for GCO, "none" for least squares.
-    max_order: int = MAX_ORDER  #: Highest order of periodic joint errors, per turn [1].
+    max_order: int = MAX_HARMONIC_ORDER  #: Highest order of periodic joint errors, per turn [1].
     excluded_errors: frozenset[str] = frozenset()  #: Names of errors that are not tried.
     #: Names of errors that are used without cross-validation; None to select the errors by cross-validation.
     used_errors: frozenset[str] | None = None
@@ -298,10 +298,10 @@ def linearise_readings(
     # All errors that the readings can support, as unknowns.
     readings = sum(part.n_equations for part in series)
     highest_order = max(
-        1, min(options.max_order, int(UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints)))
+        1, min(options.max_order, int(MAX_HARMONIC_UNKNOWNS_PER_READING * readings / (2 * vjm.arm.n_joints)))
     )
     orders = tuple(range(1, highest_order + 1)) if "joint errors" in options.selectable_errors else ()
-    single = {kind: name in options.selectable_errors for name, kind in SINGLE_ERRORS.items()}
+    single = {kind: name in options.selectable_errors for name, kind in SINGLE_COEFFICIENT_ERRORS.items()}
     errors = JointErrorTerms(orders, **single)
     most = all153 if "links" in options.selectable_errors else joints_only
     unknowns = unknowns_of(vjm, series, errors, most(vjm.arm))
@@ -436,7 +436,7 @@ def _select_errors(
         "joint errors": ErrorCandidate("joint errors", frozenset({"harmonics"})),
         COMMON_PATTERN: ErrorCandidate(COMMON_PATTERN, frozenset({"pattern"}), searches_pattern=True),
         "links": ErrorCandidate("links", compliance_prior=links),
-    } | {name: ErrorCandidate(name, frozenset({kind})) for name, kind in SINGLE_ERRORS.items()}
+    } | {name: ErrorCandidate(name, frozenset({kind})) for name, kind in SINGLE_COEFFICIENT_ERRORS.items()}
     on = [every[name] for name in SELECTABLE_ERRORS if name in options.selectable_errors]
     if options.used_errors is None:
         return select_errors(unknowns, reduced, on, rules)

@@ -40,7 +40,9 @@ class RegisteredSeries:
     """Hold a calibrated arm with the frame and the mount of a series, and their joint uncertainty."""
 
     state: ArmState  #: The arm with the frame and the mount.
-    frame_rows: Ids  #: Rows of the series that determined frame and mount; empty if the calibration did.
+    rows_of_frame_fit: (
+        Ids  #: Rows of the series that determined frame and mount; empty if the calibration did.
+    )
     #: Posterior of f steps of frame and mount, then of a unknowns of the arm, (f + a,), SI units.
     posterior: Posterior
 

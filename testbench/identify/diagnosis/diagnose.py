@@ -267,7 +267,7 @@ MAX_P_VALUE = 0.05
 MIN_POSES_BESIDE_STEP = 3  #: Fewest poses before and after a move that is reported.
 #: Highest order of the periodic joint errors that may explain a move instead; few poses determine no more.
 MAX_PERIODIC_ORDER = 2
-MAX_TARGETS = 30
+MAX_TESTED_TARGETS = 30
 """Most targets that are used, evenly spaced: all move together, and each adds unknowns."""
 MOUNT_NAME = "targets"  #: Name of the mount of all targets.
 
@@ -319,7 +319,7 @@ def _series_in_time(data: Dataset) -> Iterator[Series]:
     pose = dict(zip(data.run_id.tolist(), data.pose_id.tolist(), strict=True))
     stations = 1 if data.station is None else len(np.unique(data.station))
     for every in series_from_runs(data, "station", MOUNT_NAME):
-        series = with_targets(every, every.markers[:: -(-len(every.markers) // MAX_TARGETS)])
+        series = with_targets(every, every.markers[:: -(-len(every.markers) // MAX_TESTED_TARGETS)])
         loaded = np.arange(series.n_rows) >= series.n_rows // 2
         poses = np.array([pose[run] for run in series.row_id.tolist()])
         read = np.column_stack(

@@ -40,7 +40,7 @@ MAX_PERIODIC_ORDER = 8  #: Highest order of periodic joint errors in the nuisanc
 #: Prior deviation of the other errors in the test of a step, over their usual size [1].
 NUISANCE_SCALE_FACTOR = 3.0
 MAX_NUMBERS_IN_MEMORY = 3_000_000  #: Most numbers of the equations that are in memory together.
-EQUATIONS_PER_POSE = 6
+MAX_EQUATIONS_PER_POSE = 6
 """Most independent equations of a pose: its targets and loads share the model's errors in this pose."""
 MAX_AMBIGUOUS_CHI2_DIFFERENCE = 10.0
 """Difference of chi squared below which moves of targets and of the tracker explain readings equally well."""
@@ -214,7 +214,7 @@ def _unexplained(nuisance: NuisanceModel, series: Sequence[Series], sums: Sequen
     spent = c - float(np.trace(cho_solve((L, True), nuisance.prior_precision / size / size[:, None])))
     e, count = solve_triangular(L, AA[:c, c] / size, lower=True), sum(part.count for part in sums)
     poses = sum(len(np.unique(part.pose_id)) for part in series)
-    shared = max(1.0, count / (EQUATIONS_PER_POSE * poses))
+    shared = max(1.0, count / (MAX_EQUATIONS_PER_POSE * poses))
     return _Unexplained(L, size, e, float(AA[c, c] - e @ e), max(count - spent, 1.0), shared)
 
 

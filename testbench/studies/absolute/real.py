@@ -18,7 +18,7 @@ from testbench.identify.absolute.align import residuals
 from testbench.identify.absolute.choose import joint_space_blocks
 from testbench.identify.absolute.fit import (
     COMMON_PATTERN,
-    MAX_ORDER,
+    MAX_HARMONIC_ORDER,
     Calibration,
     CalibrationOptions,
     linearise_readings,
@@ -264,7 +264,9 @@ def _settings(_: Flags, quick: bool, seeds: range) -> RealSettings:
     """Make the settings of the flags: many random poses are dear, hence tried in few seeds."""
     if quick:
         return RealSettings(6, 30, (GEOMETRY, *RUNGS), seeds[0], {60: 1})
-    return RealSettings(1, MAX_ORDER, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3})
+    return RealSettings(
+        1, MAX_HARMONIC_ORDER, tuple(LADDER), seeds[0], {50: 20, 100: 20, 200: 6, 500: 3, 1000: 3}
+    )
 
 
 Judged = tuple[str, Series, int | None]
