@@ -5,15 +5,15 @@ import platform
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.errors import Array
 from testbench.model.vjm import Vjm, WorkArea, random_poses
-from testbench.plant.rigid_cell import find_collisions
+from testbench.plant.rigid_cell import collision_free
 from testbench.workflows.cell import Cell
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
@@ -98,10 +98,7 @@ def spread(values: Array | Sequence[float], scale: float = 1.0, digits: int = 1)
 
 def feasible_poses(arm: Cell, count: int, seed: int) -> Array:
     """Random poses inside the joint limits, clear of the floor and of the arm, (count, n) [rad]."""
-
-    def clear(q: Array) -> npt.NDArray[np.bool_]:
-        return np.array([pair is None for pair in find_collisions(arm.room, q)], dtype=bool)
-
+    clear = partial(collision_free, arm.room)
     return random_poses(arm.vjm, ANYWHERE, count, clear, np.random.default_rng(seed))
 
 

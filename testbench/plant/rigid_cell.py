@@ -19,7 +19,7 @@ import numpy as np
 from testbench.arm.document import unused_name
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import read_mjcf
-from testbench.errors import Array, BenchError, Ids, InputError, PoseError, check_array, check_least
+from testbench.errors import Array, BenchError, Ids, InputError, Mask, PoseError, check_array, check_least
 from testbench.plant.build import compile_mjcf
 
 # --- Contacts of a rigid arm in MuJoCo, its floor, and names of the parts in contact ------------------------
@@ -397,6 +397,19 @@ def find_collisions(rigid_cell: RigidCell, q: Array) -> list[tuple[str, str] | N
         For every pose the names of the bodies of its first contact; None if there is no contact.
     """
     return [contact.bodies if contact else None for contact in find_contacts(rigid_cell, q)]
+
+
+def collision_free(rigid_cell: RigidCell, q: Array) -> Mask:
+    """Tell which poses are free of collisions.
+
+    Args:
+        rigid_cell: The rigid cell.
+        q: Actuated joints, (poses, n) [rad, m].
+
+    Returns:
+        Whether nothing touches in the pose, (poses,).
+    """
+    return np.array([contact is None for contact in find_contacts(rigid_cell, q)], dtype=bool)
 
 
 def check_poses(rigid_cell: RigidCell, q: Array) -> None:

@@ -91,14 +91,14 @@ def tool_sag(cell: Cell) -> ToolSag:
 
 def work_area(cell: Cell) -> Array:
     """Draw poses over the joint limits, clear of collision where shapes can tell, (poses, n) [rad, m]."""
-    from testbench.plant.rigid_cell import find_collisions
+    from testbench.plant.rigid_cell import collision_free
 
     lower, upper = cell.arm.limits
     turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
     lower = np.where(turning, np.maximum(lower, np.minimum(upper - FULL_ROTATION, -FULL_ROTATION)), lower)
     upper = np.where(turning, np.minimum(upper, np.maximum(lower + FULL_ROTATION, FULL_ROTATION)), upper)
     q = cell.arm.with_dependent_joints(trial_rng(0).uniform(lower, upper, (DRAWN_POSES, cell.arm.n_joints)))
-    clear = q[[pair is None for pair in find_collisions(cell.room, q)]]
+    clear = q[collision_free(cell.room, q)]
     return np.asarray(clear if len(clear) >= MIN_CLEAR_POSES else q)
 
 

@@ -1,7 +1,7 @@
 """The measuring cell: an arm with its model, its simulated robot and its surroundings."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, InputError, Mask
+from testbench.errors import Array, BenchError, InputError
 from testbench.model.kinematics import build_vjm
 from testbench.model.structure import theta_row_labels
 from testbench.model.vjm import Vjm, WorkArea, body_poses, random_poses
@@ -145,9 +145,6 @@ def clear_poses(cell: Cell, area: WorkArea | None, count: int, rng: np.random.Ge
     Returns:
         Actuated joints, (count, n) [rad, m].
     """
-    from testbench.plant.rigid_cell import find_collisions
+    from testbench.plant.rigid_cell import collision_free
 
-    def clear(q: Array) -> Mask:
-        return np.array([pair is None for pair in find_collisions(cell.room, q)], dtype=bool)
-
-    return random_poses(cell.vjm, area, count, clear, rng)
+    return random_poses(cell.vjm, area, count, partial(collision_free, cell.room), rng)

@@ -304,7 +304,7 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
     Raises:
         BenchError: When fewer are found.
     """
-    from testbench.plant.rigid_cell import find_collisions  # here: few commands need it
+    from testbench.plant.rigid_cell import collision_free  # here: few commands need it
 
     assert isinstance(own.instrument, PlaneProbe)
     assert own.fixed is not None
@@ -324,8 +324,7 @@ def touch(cell: Cell, own: Mounted, count: int, rng: np.random.Generator, least:
         on = (np.abs(off @ normal) < 1e-6) & (np.linalg.norm(off, axis=1) <= own.instrument.face_radius)
         on &= (where.tool_position - own.fixed) @ normal > -1e-6
         on &= ((q >= arm.limits[0]) & (q <= arm.limits[1])).all(axis=1)
-        clear = np.array([pair is None for pair in find_collisions(cell.room, q[on])], dtype=bool)
-        kept.extend(q[on][clear])
+        kept.extend(q[on][collision_free(cell.room, q[on])])
         if len(kept) >= count:
             break
     if len(kept) >= (count if least is None else least):

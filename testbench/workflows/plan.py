@@ -59,7 +59,7 @@ from testbench.identify.registration import MIN_REGISTRATION_POSES, Frame
 from testbench.model.kinematics import JointErrorTerms
 from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.vjm import Vjm, marker_positions, tool_points
-from testbench.plant.rigid_cell import build_rigid_cell, find_contacts
+from testbench.plant.rigid_cell import build_rigid_cell, collision_free
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
@@ -295,7 +295,7 @@ def build_path_check(cell: Cell, station: Station | None) -> Callable[[Array, Ar
     def clear(start: Array, end: Array) -> bool:
         steps = max(1, math.ceil(float((np.abs(end - start) / step).max(initial=0.0))))
         share = np.arange(1, steps)[:, None] / steps
-        return all(contact is None for contact in find_contacts(site, start + share * (end - start)))
+        return bool(collision_free(site, start + share * (end - start)).all())
 
     return clear
 

@@ -42,7 +42,7 @@ from testbench.identify.prior import (
 )
 from testbench.model.structure import all153, joints_only, mgco68, template56
 from testbench.model.vjm import WorkArea, marker_positions, random_poses, tool_points
-from testbench.plant.rigid_cell import find_collisions
+from testbench.plant.rigid_cell import collision_free
 from testbench.plant.tracker import Gauge
 from testbench.runs.rows import trial_rng
 from testbench.workflows import predicted_error
@@ -63,13 +63,13 @@ from testbench.workflows.predicted_error import open_laws
 AREA = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
 
 
-def clear(kr500, q):
-    return np.array([pair is None for pair in find_collisions(kr500.room, q)], dtype=bool)
+def feasibility(kr500):
+    return Feasibility(lambda q: collision_free(kr500.room, q))
 
 
 @pytest.fixture(scope="module")
 def poses(kr500):
-    return random_poses(kr500.vjm, AREA, 170, lambda q: clear(kr500, q), trial_rng(3))
+    return random_poses(kr500.vjm, AREA, 170, lambda q: collision_free(kr500.room, q), trial_rng(3))
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def spec(kr500, poses):
 
 @pytest.fixture(scope="module")
 def plan(kr500, spec, poses):
-    return make_plan(spec, "test", poses[:120], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
+    return make_plan(spec, "test", poses[:120], feasibility(kr500), trial_rng(1))
 
 
 def promise_of(spec, q, load):
@@ -154,7 +154,7 @@ def test_information_is_that_of_the_regression_and_variance_that_of_all_unknowns
 
 def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, poses):
     assert plan.q.shape == (9, 6)
-    assert clear(kr500, plan.q).all()
+    assert collision_free(kr500.room, plan.q).all()
     lower, upper = kr500.arm.limits
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
@@ -171,14 +171,14 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
 )
 def test_every_criterion_makes_a_plan_with_a_certificate(kr500, spec, poses, name):
     few = replace(spec, n_poses=3)
-    found = make_plan(few, name, poses[:12], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
+    found = make_plan(few, name, poses[:12], feasibility(kr500), trial_rng(1))
     assert 0 < found.efficiency <= 1
 
 
 @pytest.mark.study
 def test_two_loads_are_chosen_pose_by_pose_and_hung_one_after_the_other_by_the_seed(kr500, spec, poses):
     side = Load(np.array([0, 4500.0, 0, 0, 0, 0]), spec.loads[0].point)  # loads joint 1, as no weight does
-    both, reach = replace(spec, loads=(spec.loads[0], side)), Feasibility(lambda q: clear(kr500, q))
+    both, reach = replace(spec, loads=(spec.loads[0], side)), feasibility(kr500)
     found, again = (make_plan(both, "D", poses[:20], reach, trial_rng(1)) for _ in range(2))
     assert set(found.load_index) == {0, 1}
     assert (np.diff(found.load_index) >= 0).all()
@@ -581,14 +581,14 @@ def test_poses_and_gauges_chosen_together_are_the_best_of_all_places(kr500, spec
 
 @pytest.mark.study
 def test_refined_places_of_gauges_are_better_and_within_their_bound(kr500, spec, poses):
-    given = make_plan(spec, "test", poses[:40], Feasibility(lambda q: clear(kr500, q)), trial_rng(1))
+    given = make_plan(spec, "test", poses[:40], feasibility(kr500), trial_rng(1))
     nowhere = Feasibility(lambda q: np.zeros(len(q), dtype=bool))
     refined, kept = (
         plan_with_gauges(given, Gauges(3, 5e-6, 0.01), reach, trial_rng(1))
-        for reach in (Feasibility(lambda q: clear(kr500, q)), nowhere)
+        for reach in (feasibility(kr500), nowhere)
     )
     assert kept.criterion_value < refined.criterion_value <= refined.relaxed_design.bound
-    assert clear(kr500, refined.q).all()
+    assert collision_free(kr500.room, refined.q).all()
     assert (np.diff(refined.gauges.marker, axis=1) > 0).all()
 
 
