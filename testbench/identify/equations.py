@@ -323,7 +323,7 @@ PREDICTED_MOTION_ERROR = 0.1
 """Error of deflections that `predicted_motion` predicts, over the RMS of the readings [1]."""
 COMPLIANCE_SCALE_DEVIATION = 1.0
 """Standard deviation of the factors on nominal compliances in `predicted_motion`, about 1 [1]."""
-RUNS_PER_JACOBIAN = 384  #: Number of runs whose Jacobians are in memory at a time.
+RUNS_PER_BATCH = 384  #: Runs reduced at a time: long enough for LAPACK, short enough for the cache.
 
 
 def resolve_line_readings(vjm: Vjm, data: Dataset) -> Dataset:
@@ -408,8 +408,8 @@ def predicted_motion(vjm: Vjm, data: Dataset) -> tuple[Array, Array]:
     points = marker_positions(vjm, data.markers)
     parts = []
     turns = []
-    for first in range(0, data.n_runs, RUNS_PER_JACOBIAN):
-        block = slice(first, first + RUNS_PER_JACOBIAN)
+    for first in range(0, data.n_runs, RUNS_PER_BATCH):
+        block = slice(first, first + RUNS_PER_BATCH)
         by_part = _motions_by_part(vjm, data, block, points)
         parts.append(by_part[0])
         turns.append(by_part[1])

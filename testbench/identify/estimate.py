@@ -15,8 +15,9 @@ from testbench.arm.elastic import SYMMETRY_TOLERANCE, unit_diagonal_scale
 from testbench.data.dataset import Dataset
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, check_array, check_type
+from testbench.identify.equations import RUNS_PER_BATCH
 from testbench.identify.prior import WeightedPrior
-from testbench.identify.regression import RUNS_PER_BATCH, Regression, f_m, regression_from_terms
+from testbench.identify.regression import Regression, f_m, regression_from_terms
 from testbench.model.laws import set_load_history, vjm_for_structure
 from testbench.model.structure import Constraint as Constraint
 from testbench.model.structure import Structure

@@ -32,6 +32,7 @@ from testbench.identify.absolute.align import (
 )
 from testbench.identify.absolute.state import ArmState, Unknowns, compliance_unknowns
 from testbench.identify.equations import (
+    RUNS_PER_BATCH,
     check_runs,
     deflection_equations,
     jacobian,
@@ -299,7 +300,6 @@ def non_redundant_structure(vjm: Vjm, structure: Structure, *, name: str) -> Str
 
 # --- Reduction of readings: rows [A | y] folded by QR into triangular factors, group by group ---------------
 
-RUNS_PER_BATCH = 384  #: Runs reduced at a time: long enough for LAPACK, short enough for the cache.
 MAX_SORTED_RUNS = 16 * RUNS_PER_BATCH
 """Runs that are sorted by their groups at a time: limits memory."""
 MAX_NUMBERS_IN_MEMORY = 3_000_000

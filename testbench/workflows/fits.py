@@ -14,6 +14,7 @@ from scipy.special import gammainc
 from testbench.data.dataset import MAX_EVALUATED_RUNS, Dataset, select_evenly, select_rows
 from testbench.errors import Array, BenchError, Doubt
 from testbench.files.read_pairs import SIGMA
+from testbench.identify.equations import RUNS_PER_BATCH
 from testbench.identify.estimate import DeflectionErrors, Estimate, deflections, score
 from testbench.identify.hierarchy import (
     COMMON_JOINT_SCALE_NAME,
@@ -26,7 +27,6 @@ from testbench.identify.observability import joints_without_parameters
 from testbench.identify.posterior import intervals
 from testbench.identify.prior import LearntScale, WeightedPrior, scale_by_prior
 from testbench.identify.regression import (
-    RUNS_PER_BATCH,
     ZERO_COLUMN_TOLERANCE,
     GroupedRegression,
     Regression,

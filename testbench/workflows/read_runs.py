@@ -32,9 +32,9 @@ from testbench.identify.diagnosis.deflections import LoadedRuns, deflection_scal
 from testbench.identify.diagnosis.diagnose import diagnose, explain_unregistered_runs
 from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
+from testbench.identify.equations import RUNS_PER_BATCH
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame, Registration, largest_deviation
-from testbench.identify.regression import RUNS_PER_BATCH
 from testbench.model.load import own_weight_load, read_body_masses
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, tool_points, tool_poses
