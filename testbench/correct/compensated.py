@@ -456,7 +456,7 @@ def compensate(
     q: Array,
     loads: Sequence[Load],
     aim: Aim | None = None,
-    site: RigidCell | None = None,
+    rigid_cell: RigidCell | None = None,
 ) -> Compensated:
     """Correct a program: find joints that bring the loaded tool to the programmed poses, within the limits.
 
@@ -466,7 +466,7 @@ def compensate(
         loads: Loads at the points, each the same at all or with one row per point.
         aim: Tool point, the part of its pose to correct, and the meaning of the program's joints; None for
             the whole pose of the tool's origin.
-        site: The arm with its surroundings, to check collisions; None for no check.
+        rigid_cell: The arm with its surroundings, to check collisions; None for no check.
 
     Returns:
         Corrected joints inside the limits, remaining errors and their intervals.
@@ -488,7 +488,7 @@ def compensate(
     target = programmed_target(model.state, q, meant, point)
     before = equilibrium(model.state, q, loads).position_of(point) - target.position
     solution, held = _solve_within_limits(model, q, loads, target, aim)
-    refused = _refused(model.arm, solution, q, site)
+    refused = _refused(model.arm, solution, q, rigid_cell)
     bad = np.array([reason is not None for reason in refused], dtype=bool)
     # refused points keep their joints and their error before correction
     left = np.where(bad[:, None], before, -solution.position_error)
@@ -532,7 +532,7 @@ def _solve_within_limits(
 
 
 def _refused(
-    arm: Arm, corrected: InverseStaticsSolution, q: Array, site: RigidCell | None
+    arm: Arm, corrected: InverseStaticsSolution, q: Array, rigid_cell: RigidCell | None
 ) -> list[Refusal | None]:
     """Find why a point is not corrected: reach, equilibrium, a limit, or a new collision; None if it is."""
     lower, upper = arm.limits
@@ -543,9 +543,9 @@ def _refused(
     for k, j in np.argwhere((corrected.q < lower - 1e-12) | (corrected.q > upper + 1e-12)):
         beyond = float(max(lower[j] - corrected.q[k, j], corrected.q[k, j] - upper[j]))
         reasons[k] = reasons[k] or Refusal("limit", (arm.joints[j].name,), beyond)
-    if site is not None:
+    if rigid_cell is not None:
         good = np.flatnonzero([reason is None for reason in reasons])
-        for k, pair in zip(good, find_collisions(site, corrected.q[good]), strict=True):
-            if pair and find_collisions(site, q[k : k + 1])[0] != pair:
+        for k, pair in zip(good, find_collisions(rigid_cell, corrected.q[good]), strict=True):
+            if pair and find_collisions(rigid_cell, q[k : k + 1])[0] != pair:
                 reasons[k] = Refusal("collision", pair)
     return reasons

@@ -224,11 +224,20 @@ def _rows(model: ArmModel, poses: LoadedPoses, points: Array) -> Array:
     if model.is_absolute:
         theta = poses.solve_equilibrium(state).theta
         where = evaluate_chain(model.vjm, poses.q, theta)
-        at_rest = replace(at_rest, theta=theta, chain=where, u=sum_generalised_loads(where, poses.loads))
+        at_rest = replace(
+            at_rest, theta=theta, chain=where, generalised_loads=sum_generalised_loads(where, poses.loads)
+        )
     if model.is_absolute or poses.with_own_weight:
-        at_rest = replace(at_rest, u=own_weight_load(at_rest.chain, state.body_masses) + at_rest.u)
+        at_rest = replace(
+            at_rest,
+            generalised_loads=own_weight_load(at_rest.chain, state.body_masses) + at_rest.generalised_loads,
+        )
     phi = joint_error_basis(
-        state.error_terms, model.arm, poses.q, at_rest.u[model.vjm.joint_spring_slice], state.torque_scale
+        state.error_terms,
+        model.arm,
+        poses.q,
+        at_rest.generalised_loads[model.vjm.joint_spring_slice],
+        state.torque_scale,
     )
     A = jacobian(model.unknowns, replace(at_rest, error_basis=phi), points, with_orientation=False)
     return A[:, :, model.uncertain_columns].transpose(3, 0, 1, 2)

@@ -78,7 +78,7 @@ MIN_NEWTON_STEP_SHARE = 1e-3  #: Least share of a Newton step that is tried [1].
 
 @dataclass(frozen=True)
 class RelaxedDesign:
-    """Hold the optimum of the relaxed problem: weights of candidates, and an upper bound on Phi of plans."""
+    """Hold the optimum of the relaxed problem: weights of candidates, and an upper bound on Phi."""
 
     support: Ids  #: Indices of the candidates that have weight, (s,).
     weights: Array  #: Weights of these candidates, whose sum is the number of poses, (s,) [1].

@@ -343,7 +343,7 @@ class LinksVersusJointsOnly:
 
     @property
     def links_certain(self) -> bool:
-        """Tell whether links do not vary from pose to pose and have decisive evidence over joints only."""
+        """Tell whether link compliances have decisive evidence, and do not vary from pose to pose."""
         return (
             self.most_probable.regression.pose_variation is None
             and self.log_bayes_factor > DECISIVE_LOG_EVIDENCE

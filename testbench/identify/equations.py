@@ -93,7 +93,7 @@ def jacobian(
         turns = J[:, :, unknowns.vjm.joint_spring_slice, None] * equilibrium.error_basis
         A[:, :, unknowns.columns("errors")] = turns.reshape(*A.shape[:2], -1, runs)
     elastic = unknowns.columns("elastic")
-    lines = observation_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), equilibrium.u)
+    lines = observation_rows(unknowns.structure, J.reshape(-1, *J.shape[2:]), equilibrium.generalised_loads)
     for k, line in enumerate(lines):
         A[k // 3, k % 3, elastic] = line
     return A
@@ -366,13 +366,15 @@ def resolve_line_readings(vjm: Vjm, data: Dataset) -> Dataset:
     )
 
 
-def directions_under_load(u: Array, line_length: Array, displacement: Array, tool_rotation: Array) -> Array:
+def directions_under_load(
+    directions: Array, line_length: Array, displacement: Array, tool_rotation: Array
+) -> Array:
     """Compute the directions along which gauges and distance meters read a motion, to second order.
 
     Mathematics: `obs-9`.
 
     Args:
-        u: Directions without load, unit vectors, (runs, m, 3) [1].
+        directions: Directions u without load, unit vectors, (runs, m, 3) [1].
         line_length: Distance r from the fixed point, 0 for a gauge on a face of the tool, (runs, m) [m].
         displacement: Motion d of every marker, (runs, m, 3) [m].
         tool_rotation: Rotation w of the tool, (runs, 3) [rad].
@@ -381,6 +383,7 @@ def directions_under_load(u: Array, line_length: Array, displacement: Array, too
         u + w x u for a gauge, u + d' / (2 r) for a distance, with d' = d - u (u . d); normalised to unit
         vectors, (runs, m, 3) [1].
     """
+    u = directions
     across = displacement - (u * displacement).sum(axis=2, keepdims=True) * u
     r = np.where(line_length > 0, line_length, 1.0)[..., None]
     moved = np.where(
@@ -429,7 +432,7 @@ def _motions_by_part(vjm: Vjm, data: Dataset, block: slice, points: Array) -> tu
     """Compute motions by all links and by each joint: markers, (n + 1, runs, m, 3) [m], and tool [rad]."""
     state = undeflected_arm(vjm, data.q[block], [Load(data.wrench[block], data.point[block])])
     C, first = vjm.arm.C_theta, 6 * len(vjm.arm.links)
-    theta = C @ state.u[: len(C)]
+    theta = C @ state.generalised_loads[: len(C)]
     J = translational_jacobian(state.chain, points)
     parts = [slice(0, first), *(slice(k, k + 1) for k in range(first, len(C)))]
     runs = J.shape[-1]

@@ -145,23 +145,23 @@ class NormalEquationsSolution:
         )
 
 
-def solve_normal_equations(H: Array) -> NormalEquationsSolution:
+def solve_normal_equations(gram: Array) -> NormalEquationsSolution:
     """Solve the normal equations A^T A x = A^T y of whitened equations for the most probable unknowns.
 
     Args:
-        H: Gram matrix [A | y]^T [A | y] of readings and prior, (c + 1, c + 1).
+        gram: Gram matrix [A | y]^T [A | y] of readings and prior, (c + 1, c + 1).
 
     Raises:
         BenchError: If an unknown is undetermined; it is a frame or target, as all others have a prior.
     """
-    size = np.sqrt(np.diag(H)[:-1])
+    size = np.sqrt(np.diag(gram)[:-1])
     try:
-        root = cho_factor(H[:-1, :-1] / np.where(size > 0, size, np.nan) / size[:, None])
+        root = cho_factor(gram[:-1, :-1] / np.where(size > 0, size, np.nan) / size[:, None])
     except (np.linalg.LinAlgError, ValueError):  # not positive definite, or not finite
         raise BenchError(
             "calibration: the readings do not determine a frame or target; expected more poses"
         ) from None
-    return NormalEquationsSolution(cho_solve(root, H[:-1, -1] / size) / size, root, size)
+    return NormalEquationsSolution(cho_solve(root, gram[:-1, -1] / size) / size, root, size)
 
 
 @dataclass(frozen=True)

@@ -322,18 +322,21 @@ def _inverse(M: Array) -> tuple[Array, Array]:
     return Vt[:r] / s[:r, None], Vt[r:]
 
 
-def conditional_covariance(covariance: Array, variables: Ids, given: Ids) -> Array:
+def conditional_covariance(covariance: Array, variables: Ids, known_variables: Ids) -> Array:
     """Compute the covariance of some variables if others are known exactly: K_oo - K_ok K_kk^-1 K_ko.
 
     Args:
         covariance: Covariance of all variables, (n, n).
         variables: Indices o of the variables, (o,).
-        given: Indices k of the variables that are known exactly, (k,).
+        known_variables: Indices k of the variables that are known exactly, (k,).
 
     Returns:
         Conditional covariance, (o, o), in the unit of K.
     """
-    C, X = covariance[np.ix_(given, given)], covariance[np.ix_(variables, given)]
+    C, X = (
+        covariance[np.ix_(known_variables, known_variables)],
+        covariance[np.ix_(variables, known_variables)],
+    )
     ridge = (COVARIANCE_RIDGE * np.trace(C) / len(C) + MIN_COVARIANCE_RIDGE) * np.eye(len(C))
     return np.asarray(covariance[np.ix_(variables, variables)] - X @ np.linalg.solve(C + ridge, X.T))
 

@@ -161,7 +161,7 @@ class Structure(Displayed):
 
     @cached_property
     def blocks(self) -> tuple[Ids, ...]:
-        """Return the rows of C_theta of every block, the sets that no parameter couples to other rows.
+        """Return the blocks of C_theta, each a set of rows that no parameter couples to other rows.
 
         A symmetric C_theta is positive semi-definite, and so conservative, exactly where every block is.
         """

@@ -70,7 +70,7 @@ class BodyFrames:
 
 
 def select_frames(frames: BodyFrames, pose_indices: Ids) -> BodyFrames:
-    """Select some poses of the arm from frames of its bodies.
+    """Select the frames of all bodies in some of the poses.
 
     Args:
         frames: Frames of all bodies in all poses.
@@ -270,7 +270,7 @@ def rigid_frames(rigid_cell: RigidCell, q: Array) -> BodyFrames:
 
 
 def elastic_frames(plant: Plant, q: Array, theta: Array) -> BodyFrames:
-    """Compute the frames of the bodies of the elastic arm, those of the rigid MJCF in the same order.
+    """Compute the frames of the bodies of the deflected arm, in the order of the rigid MJCF's bodies.
 
     Args:
         plant: The true arm.

@@ -637,7 +637,7 @@ def _rows_of_one(state: ArmState, series: Series, left: Sequence[Array], targets
     before, after, at = (np.full((series.n_rows, targets, 3), np.nan) for _ in range(3))
     for values, own in ((before, left[0]), (after, left[1]), (at, read)):
         values[:, : len(series.markers)] = np.where(series.is_measured[..., None], own, np.nan)
-    sag = (state.C_theta @ equilibrium.u).T
+    sag = (state.C_theta @ equilibrium.generalised_loads).T
     names = np.full(series.n_rows, series.name, dtype=object)
     return Row(
         **{

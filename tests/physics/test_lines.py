@@ -63,7 +63,7 @@ def test_rows_of_readings_along_lines_are_the_derivatives_of_what_the_instrument
     start = state.chain.tool_points_in_world(points)
     for n in rng.choice(structure.n_parameters, 20, replace=False):
         pi = np.eye(structure.n_parameters)[n]
-        theta = structure.C_theta_of(pi) @ state.u
+        theta = structure.C_theta_of(pi) @ state.generalised_loads
         twist = np.einsum("xtr,tr->rx", state.chain.J_theta, theta)
         size = np.abs(twist).max()
         if size == 0:

@@ -422,21 +422,24 @@ def _held_out(
     return np.asarray(T @ v @ v), deviance
 
 
-def predictive_deviance(G: Array, v: Array, posterior: NormalEquationsSolution) -> float:
+def predictive_deviance(
+    gram: Array, unknowns_and_minus_one: Array, posterior: NormalEquationsSolution
+) -> float:
     """Compute -2 times the log predictive density of held-out readings, up to a constant.
 
     Mathematics: `abs-16`.
 
     Args:
-        G: Gram matrix [A | y]^T [A | y] of the whitened held-out equations, (c + 1, c + 1).
-        v: Most probable unknowns by the other readings, then -1, (c + 1,).
+        gram: Gram matrix [A | y]^T [A | y] of the whitened held-out equations, (c + 1, c + 1).
+        unknowns_and_minus_one: Most probable unknowns by the other readings, then -1, (c + 1,).
         posterior: Posterior of the unknowns by the other readings.
 
     Returns:
         The deviance [1].
     """
-    left, U = G @ v, np.triu(posterior.precision_root[0]) * posterior.precision_scale
-    both = cho_factor(U.T @ U + G[:-1, :-1])  # precision by all readings
+    v = unknowns_and_minus_one
+    left, U = gram @ v, np.triu(posterior.precision_root[0]) * posterior.precision_scale
+    both = cho_factor(U.T @ U + gram[:-1, :-1])  # precision by all readings
     squares = float(v @ left - left[:-1] @ cho_solve(both, left[:-1]))
     return squares + 2 * float(np.log(np.diag(both[0])).sum()) - posterior.log_determinant
 

@@ -109,7 +109,7 @@ class CalibrationOptions:
 
     @property
     def selectable_errors(self) -> frozenset[str]:
-        """Return the names of the errors that are tried, or used without a trial."""
+        """Return the names of the kinds of errors that this calibration may include, tried or stated."""
         names = SELECTABLE_ERRORS if self.used_errors is None else self.used_errors
         return frozenset(names) - self.excluded_errors
 

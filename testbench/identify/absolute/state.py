@@ -173,7 +173,7 @@ class JointEquilibrium:
 
     theta: Array  #: Virtual joints at rest, (runs, n_theta) [m, rad].
     chain: ChainState  #: The extended chain at rest, with tool pose and Jacobian.
-    u: Array  #: Generalised load of every virtual joint at rest, (n_theta, runs) [N, N m].
+    generalised_loads: Array  #: Load u of every virtual joint at rest, (n_theta, runs) [N, N m].
     error_basis: Array  #: Functions Phi(q) of the joint errors, k per joint, (joints, k, runs).
 
 
@@ -771,7 +771,7 @@ class Unknowns:
         )
 
     def values(self, state: ArmState) -> Array:
-        """Return the values of all unknowns in a model of an arm; frames and mounts are steps, thus zero.
+        """Return the values of all unknowns in a model of an arm; steps of frames and mounts are zero.
 
         Args:
             state: The model of the arm.

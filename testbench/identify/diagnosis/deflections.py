@@ -257,7 +257,7 @@ def backlash_and_stiffening_columns(vjm: Vjm, data: Dataset, structure: Structur
         Two columns per joint, backlash first, (rows, 2 joints) [1].
     """
     state, first = undeflected_arm(vjm, data.q, [Load(data.wrench, data.point)]), 6 * len(vjm.arm.links)
-    turn = np.diag(structure.C_theta_of(pi))[first:, None] * state.u[first:]
+    turn = np.diag(structure.C_theta_of(pi))[first:, None] * state.generalised_loads[first:]
     motions = [USUAL_BACKLASH * np.sign(turn), USUAL_STIFFENING * turn * np.abs(turn)]
     state = replace(state, error_basis=np.stack(motions, axis=1))
     unknowns = replace(

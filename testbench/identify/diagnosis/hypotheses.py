@@ -749,7 +749,7 @@ def _moved_sentence(issue: Issue, _: Arm) -> str:
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """Hold the table of all kinds of mistakes, in parts by the data on which they are tested."""
+    """Hold the table of all kinds of mistakes; each part is tested on another kind of data."""
 
     without_fit: tuple[Hypothesis[Submission], ...]  #: Certain from the runs as they are, without a fit.
     registration: tuple[Hypothesis[Submission], ...]  #: Tested on frames and targets of the registration.
