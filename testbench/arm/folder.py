@@ -111,7 +111,7 @@ class JointMap:
     #: Indices of the free chain joints, which the others follow, (m,): m independent rows of L, preferably
     #: those of chain joints that equal a file joint.
     free_joints: Ids
-    free_inverse: Array  #: Inverse of the rows of L of the free joints, (m, m) [1].
+    inverse_of_free_rows: Array  #: Inverse of the rows of L of the free joints, (m, m) [1].
     #: Derivative of all chain joints by the free ones, (n, n) [1]; columns of dependent joints are zero.
     dependence_matrix: Array
 
@@ -151,7 +151,7 @@ class JointMap:
         Returns:
             Change of the file joints, (..., m) [rad, m].
         """
-        return np.asarray(change[..., self.free_joints] @ self.free_inverse.T) + 0.0
+        return np.asarray(change[..., self.free_joints] @ self.inverse_of_free_rows.T) + 0.0
 
     def to_chain_torques(self, torque: Array) -> Array:
         """Convert torques of file joints to torques of chain joints, torque_model = L^-T torque_file.
@@ -169,7 +169,7 @@ class JointMap:
             raise BenchError(
                 "torques of joints that follow others cannot be separated: leave out the columns of torques"
             )
-        return np.asarray(torque @ self.free_inverse)
+        return np.asarray(torque @ self.inverse_of_free_rows)
 
     def to_file_torques(self, torque: Array) -> Array:
         """Convert torques of chain joints to torques of file joints, torque_file = L^T torque_model.
@@ -320,7 +320,7 @@ def _file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array
         np.array([[joint.lower, joint.upper] for joint in joints])[joint_map.free_joints]
         - joint_map.q_0[joint_map.free_joints, None]
     )
-    parts = joint_map.free_inverse[:, :, None] * ends
+    parts = joint_map.inverse_of_free_rows[:, :, None] * ends
     return np.array([parts.min(axis=2).sum(axis=1), parts.max(axis=2).sum(axis=1)])
 
 

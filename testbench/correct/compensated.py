@@ -517,18 +517,18 @@ def _solve_within_limits(
     points = InverseStaticsProblem(model.state, q, loads, target, aim, np.ones(q.shape))
     corrected = solve_inverse_statics(points)
     for _ in range(arm.n_joints):
-        beyond = ((corrected.q < lower) | (corrected.q > upper)) & (points.may_move > 0) & free_joints
+        beyond = ((corrected.q < lower) | (corrected.q > upper)) & (points.joint_is_free > 0) & free_joints
         passed = np.flatnonzero(beyond.any(axis=1) & corrected.solved)
         if not len(passed):
             break
         # fix the joints that exceed a limit at it, and solve these points again
-        free = points.may_move * ~(beyond & corrected.solved[:, None])
+        free = points.joint_is_free * ~(beyond & corrected.solved[:, None])
         start = arm.with_dependent_joints(
             np.where(free > 0, points.start, np.clip(corrected.q, lower, upper))
         )
-        points = replace(points, start=start, may_move=free)
+        points = replace(points, start=start, joint_is_free=free)
         assign_rows(corrected, passed, solve_inverse_statics(points.select(passed)))
-    return corrected, points.may_move == 0
+    return corrected, points.joint_is_free == 0
 
 
 def _refused(

@@ -312,7 +312,7 @@ class InverseStaticsProblem:
     loads: Sequence[Load]  #: Loads that act together, each with one row per point.
     target: Target  #: Target poses of the tool point.
     aim: Aim  #: Tool point, and the part of its pose to correct.
-    may_move: Array  #: 1 for a joint that may move, 0 for a fixed one, (points, n) [1].
+    joint_is_free: Array  #: 1 for a joint that may move, 0 for a fixed one, (points, n) [1].
 
     def select(self, points: slice | Ids) -> "InverseStaticsProblem":
         """Select some of the points with their loads and targets.
@@ -322,7 +322,11 @@ class InverseStaticsProblem:
         """
         loads, target = [load.select(points) for load in self.loads], select_rows(self.target, points)
         return replace(
-            self, start=self.start[points], loads=loads, target=target, may_move=self.may_move[points]
+            self,
+            start=self.start[points],
+            loads=loads,
+            target=target,
+            joint_is_free=self.joint_is_free[points],
         )
 
 
@@ -421,7 +425,7 @@ def _solve_batch(points: InverseStaticsProblem, max_steps: int, *, renewed: bool
         # the operator of this step; a fixed joint has no column
         if step == 0 or renewed:
             J = _jacobian(now.aim, off.chain, now.state.vjm.joint_spring_slice)
-            J = (J if moves is None else J @ moves) * now.may_move[:, None]
+            J = (J if moves is None else J @ moves) * now.joint_is_free[:, None]
             G = newton_operator(J, now.aim.corrected_part, now.target.rotation @ np.array(now.aim.spindle))
         # q by the operator, theta to its springs' equilibrium; points that stand still or diverge drop out
         move = _joint_step(now, off, q[moving], G, J) / 2 ** min(2, step // STEPS_BEFORE_HALVING)

@@ -305,7 +305,7 @@ class ConicProgram:
     """
 
     parameter_indices: Ids  #: Indices of the parameters in blocks that change a reading, (k,).
-    touched_structure: Structure  #: These blocks, with the parameters `parameter_indices`.
+    observed_structure: Structure  #: These blocks, with the parameters `parameter_indices`.
     f_m_unit: float  #: F_M at C = 0, the unit of the cost [1].
     parameter_units: Array  #: Units of the parameters, pi[parameter_indices] = parameter_units * x, (k,).
     R: Array  #: Factor R_k of every term of F_M per unit of x, over `f_m_unit`, (terms, n, k) [1].
@@ -416,7 +416,7 @@ def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -
         The solution; None if a block lacks entries, no reading changes, or the solution is not proven to be
         within `MAX_INTERIOR_POINT_GAP` of the optimum.
     """
-    s, n = program.touched_structure, regression.structure.n_parameters
+    s, n = program.observed_structure, regression.structure.n_parameters
     if not s.has_full_blocks or not len(program.parameter_indices) or f_m(regression, np.zeros(n)) == 0:
         return None
     start, order = time.perf_counter(), s.parameter_of_entry
@@ -448,7 +448,7 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
     Returns:
         Parameters pi, (n,) [m/N, rad/(N m), rad/N].
     """
-    s = program.touched_structure
+    s = program.observed_structure
     R = SQUARED_RESIDUAL_SCALE * program.R.reshape(-1, len(program.parameter_units))
     k, n = R.shape
     solution = cone.solve(
@@ -478,7 +478,7 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
     Returns:
         The solution; all parameters are zero if all readings are.
     """
-    s = program.touched_structure
+    s = program.observed_structure
     n = regression.structure.n_parameters
     count = len(program.z)
     if f_m(regression, np.zeros(n)) == 0:
@@ -516,7 +516,7 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
     scale = sensitivity_units(regression, unit, penalty)[columns]
     return ConicProgram(
         parameter_indices=columns,
-        touched_structure=kept,
+        observed_structure=kept,
         f_m_unit=unit,
         parameter_units=scale,
         R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),

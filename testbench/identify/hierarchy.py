@@ -100,7 +100,8 @@ class EvidenceModel:
 
     gram_matrices: Array  #: Gram matrix [A | y]^T [A | y] of every kind of equations, (kinds, c + 1, c + 1).
     equation_counts: Array  #: Number of equations of every kind, (kinds,).
-    exact_gram_matrix: Array  #: Gram matrix of the equations that count as exact, (c + 1, c + 1).
+    #: Gram matrix of equations in which the noise is known to be 1, (c + 1, c + 1).
+    gram_matrix_of_known_noise: Array
     #: Matrix D of the prior deviations, log d = D h; zero rows for unknowns without a prior, (c, m).
     log_deviation_rows: Array
     expected_over_scale: Array  #: Prior means m_i of the unknowns over their scales exp(S h), (c,).
@@ -197,7 +198,7 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
     d, s2 = np.where(D.any(axis=1), np.exp(D @ h), np.inf), np.exp(2 * h[-kinds:])
     mean = np.exp(model.log_scale_rows @ h) * model.expected_over_scale
     # Gram matrix of readings and prior, and the most probable unknowns.
-    H = model.exact_gram_matrix + sum(
+    H = model.gram_matrix_of_known_noise + sum(
         gram / variance for gram, variance in zip(model.gram_matrices, s2, strict=True)
     )
     H[:-1, -1] += mean / d**2
@@ -209,7 +210,7 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
     left = model.gram_matrices @ v @ v / s2
     spent = np.array([np.vdot(gram[:-1, :-1], V) for gram in model.gram_matrices]) / s2
     # -log p, its derivative, and the hyperpriors.
-    value = (left.sum() + off @ off + v @ model.exact_gram_matrix @ v + solved.log_determinant) / 2
+    value = (left.sum() + off @ off + v @ model.gram_matrix_of_known_noise @ v + solved.log_determinant) / 2
     value += model.equation_counts @ h[-kinds:] + (D @ h).sum()
     g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - model.log_scale_rows.T @ (mean * off / d)
     g[-kinds:] += model.equation_counts - left - spent
@@ -274,8 +275,8 @@ def _shares(model: EvidenceModel, V: Array, w: Array, s2: Array) -> list[Array]:
         V @ (gram[:-1, :-1] / variance) for gram, variance in zip(model.gram_matrices[:-1], s2, strict=False)
     ]
     last = np.eye(len(V)) - V * w - sum(shares)
-    on = np.flatnonzero(model.exact_gram_matrix[:-1].any(axis=1))
-    last[:, on] -= V[:, on] @ model.exact_gram_matrix[np.ix_(on, on)]
+    on = np.flatnonzero(model.gram_matrix_of_known_noise[:-1].any(axis=1))
+    last[:, on] -= V[:, on] @ model.gram_matrix_of_known_noise[np.ix_(on, on)]
     return [*shares, last]
 
 
@@ -451,7 +452,7 @@ def prior_evidence_model(
     problem = EvidenceModel(
         gram_matrices=gram[None],
         equation_counts=np.array([regression.n_equations]),
-        exact_gram_matrix=np.zeros_like(gram),
+        gram_matrix_of_known_noise=np.zeros_like(gram),
         log_deviation_rows=scale + drawn,
         expected_over_scale=scaling.expected_x,
         log_scale_rows=scale,
@@ -607,7 +608,7 @@ def joints_only_log_evidence(regression: Regression, scaling: PriorScaling) -> t
     problem = EvidenceModel(
         gram_matrices=gram_matrix(regression, scaling)[None],
         equation_counts=np.array([regression.n_equations]),
-        exact_gram_matrix=B.T @ B,
+        gram_matrix_of_known_noise=B.T @ B,
         log_deviation_rows=np.zeros((n, 1)),
         expected_over_scale=np.zeros(n),
         log_scale_rows=np.zeros((n, 1)),

@@ -609,7 +609,7 @@ class _Newton:
             R: Root of the Gram matrix of every problem, (problems, rank, n).
             x: svec of positive definite blocks, (problems, n).
             multipliers: svec of the multipliers of the blocks, positive definite, (problems, n).
-            groups: Indices of the entries of the blocks of each order in x, (blocks, entries) each.
+            groups: For each order of blocks the indices of their entries in x, (blocks, entries) each.
         """
         scalings = [NesterovToddScaling.of_pairs(at, x, multipliers) for at in groups]
         K, S = [cone.congruence_map(scaling.G) for scaling in scalings], np.empty_like(R)

@@ -193,7 +193,9 @@ class Posterior(Displayed):
         return Intervals(centre, centre - half, centre + half, confidence, self.on_cone_boundary)
 
     def covariance(self, functionals: Array) -> Array:
-        """Compute covariances A K A^T of groups of linear functionals A that the data determine, K that of x.
+        """Compute the covariances A K A^T of groups of linear functionals of x, the rows of A.
+
+        K is the covariance of x. The data must determine all functionals.
 
         Args:
             functionals: A, rows of k functionals per group, (..., k, n).

@@ -231,7 +231,7 @@ def _spring(x: Array) -> Array:
 
 
 COMPENSATOR_KIND = "compensator"  #: Kind of the law that a gravity compensator adds to joint 2.
-TRIAL_DEFLECTIONS = NominalDeflections(np.array([[-1e-3, 0.0]]), np.array([[2e-3, 1e-3]]))
+LAW_CHECK_DEFLECTIONS = NominalDeflections(np.array([[-1e-3, 0.0]]), np.array([[2e-3, 1e-3]]))
 """Nominal deflections at which a law that a user adds is tried: one joint, two runs [rad]."""
 
 
@@ -244,8 +244,8 @@ def _check(name: str, law: JointLaw) -> None:
     if not (law.unit > 0 and median > 0 and width > 0):
         raise BenchError(f"joint law {name!r}: expected a unit and a size_prior above 0")
     for part in (law.deflection, law.slope):
-        values = np.asarray(part(TRIAL_DEFLECTIONS))
-        if values.shape != TRIAL_DEFLECTIONS.x_1.shape or not np.isfinite(values).all():
+        values = np.asarray(part(LAW_CHECK_DEFLECTIONS))
+        if values.shape != LAW_CHECK_DEFLECTIONS.x_1.shape or not np.isfinite(values).all():
             raise BenchError(
                 f"joint law {name!r}: expected finite numbers (n, runs) from {part.__name__}, got {values!r}"
             )

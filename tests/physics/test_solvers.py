@@ -201,7 +201,7 @@ def traces(structure, pi):
 def best_within(regression, t):
     """The model of least F_M within traces: another program, without a trace weight, by another solver."""
     program = conic.scaled_gco_program(regression, tie_break_penalty(regression))
-    s, count = program.touched_structure, len(regression.terms)
+    s, count = program.observed_structure, len(regression.terms)
     of_block = {tuple(block): most for block, most in zip(regression.structure.blocks, t, strict=True)}
     room = np.zeros((len(s.blocks), count + s.n_parameters))
     for k, block in enumerate(s.blocks):

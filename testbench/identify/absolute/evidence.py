@@ -350,7 +350,7 @@ def _maximise_scales(
     problem = EvidenceModel(
         gram_matrices=gram,
         equation_counts=equation_counts,
-        exact_gram_matrix=known,
+        gram_matrix_of_known_noise=known,
         log_deviation_rows=drawn,
         expected_over_scale=np.zeros(c),
         log_scale_rows=np.zeros((c, m)),

@@ -261,7 +261,7 @@ class AddedInformation:
     #: Of poses in the whole joint space, with more equations than unknowns, (size, size).
     whole_joint_space: Array
     #: Of the same poses for the rigid nominal arm, which shows structural directions exactly, (size, size).
-    whole_joint_space_rigid: Array
+    whole_joint_space_of_rigid_arm: Array
 
 
 def further_information(
@@ -373,7 +373,7 @@ def structural_directions(
     # Directions with hardly any information, in units of the prior.
     of_fixed = np.diag(np.where(np.diag(prior_root) > 0, 0.0, INFORMATION_OF_FIXED_UNKNOWNS))
     M = prior_root.T @ added_information.whole_joint_space @ prior_root + of_fixed
-    drawn = prior_root.T @ added_information.whole_joint_space_rigid @ prior_root + of_fixed
+    drawn = prior_root.T @ added_information.whole_joint_space_of_rigid_arm @ prior_root + of_fixed
     values, V = np.linalg.eigh(M)
     geometry = np.arange(unknowns.first_columns["errors"])
     # Structural directions of geometry, exactly, by the rigid nominal arm.

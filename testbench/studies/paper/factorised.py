@@ -107,7 +107,7 @@ def factorise(regression: Regression, m: int = MAX_ORDER) -> Factorised:
         raise BenchError(f"m: expected an order of the vector space of 1 to {MAX_ORDER}, got {m}")
     check_symmetric(regression.structure)
     program = scaled_gco_program(regression, tie_break_penalty(regression))
-    blocks = program.touched_structure.blocks
+    blocks = program.observed_structure.blocks
     rows = np.concatenate(blocks)
     size = np.repeat([len(block) for block in blocks], [len(block) for block in blocks])
     order = np.argsort(rows)
@@ -126,7 +126,7 @@ def vectors(problem: Factorised, b: Array) -> Array:
     Returns:
         Vectors, (m, n_theta, ...).
     """
-    V = np.zeros((problem.m, problem.program.touched_structure.n_theta, *b.shape[1:]))
+    V = np.zeros((problem.m, problem.program.observed_structure.n_theta, *b.shape[1:]))
     part = np.zeros((*problem.free.shape, *b.shape[1:]))
     part[problem.free] = b
     V[:, problem.rows] = part
@@ -151,7 +151,7 @@ def parameters(problem: Factorised, b: Array) -> Array:
 
 def _gramians(problem: Factorised, V: Array) -> Array:
     """Products v_a . v_b of every parameter, Eq. (16), in the program's units, (n, ...)."""
-    s = problem.program.touched_structure
+    s = problem.program.observed_structure
     return np.asarray(np.einsum("mn...,mn...->n...", V[:, s.rows], V[:, s.columns]))
 
 
@@ -165,7 +165,7 @@ def cost(problem: Factorised, b: Array) -> tuple[float, Array]:
     Returns:
         F_M and its gradient, (size,).
     """
-    s, V = problem.program.touched_structure, vectors(problem, b)
+    s, V = problem.program.observed_structure, vectors(problem, b)
     x = (V[:, s.rows] * V[:, s.columns]).sum(axis=0)
     value, g = 0.0, np.zeros(s.n_parameters)
     for term in problem.terms:
@@ -586,7 +586,7 @@ def solve_modelled(
     cp = cvxpy(solver)
     check_symmetric(regression.structure)
     program = scaled_gco_program(regression, tie_break_penalty(regression))
-    s = program.touched_structure
+    s = program.observed_structure
     blocks = [cp.Variable((len(block), len(block)), PSD=True) for block in s.blocks]
     x = entries(s, blocks)
     cost = program.trace_cost @ x
