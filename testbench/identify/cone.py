@@ -148,14 +148,13 @@ def psd_blocks(first_index: int, orders: tuple[int, ...]) -> tuple[Block, ...]:
     )
 
 
-def free_block(first_index: int, count: int) -> Block:
-    """Make a block of unconstrained unknowns.
+def free_block(count: int) -> Block:
+    """Make a block of the first unknowns, which are unconstrained.
 
     Args:
-        first_index: Index of the first unknown.
         count: Number of unknowns.
     """
-    return Block(np.arange(first_index, first_index + count))
+    return Block(np.arange(count))
 
 
 def norm_constraint(bound_index: int, R: Array, z: Array) -> ConeConstraint:

@@ -454,7 +454,7 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
     solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.zeros(k), program.trace_cost],
-            blocks=(cone.free_block(0, k), *compliance_blocks(s, k)),
+            blocks=(cone.free_block(k), *compliance_blocks(s, k)),
             constraints=(
                 cone.ConeConstraint(
                     "zero", np.c_[np.eye(k), -R], -SQUARED_RESIDUAL_SCALE * program.z.ravel()
@@ -486,7 +486,7 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
     solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.ones(count), program.trace_cost],
-            blocks=(cone.free_block(0, count), *compliance_blocks(s, count)),
+            blocks=(cone.free_block(count), *compliance_blocks(s, count)),
             constraints=norm_constraints(program.R, program.z, program.unexplained),
         )
     )

@@ -216,7 +216,7 @@ def _equal_fit_program(
         A = -svec @ np.c_[shift_direction, equal_fits.null_space][entries]
         rows += (cone.ConeConstraint("psd", A, svec @ equal_fits.minimum_norm_solution[entries]),)
     cost = np.r_[1.0, np.zeros(equal_fits.null_space.shape[1])]
-    return cone.ConeProgram(cost, (cone.free_block(0, len(cost)),), rows)
+    return cone.ConeProgram(cost, (cone.free_block(len(cost)),), rows)
 
 
 # --- Solve least squares or GCO on weighted equations, with a prior or without ------------------------------
@@ -365,7 +365,7 @@ def solve_by_clarabel(M: Array, r: Array, block_orders: tuple[int, ...]) -> cone
     return cone.solve(
         cone.ConeProgram(
             cost=np.r_[1.0, np.zeros(n)],
-            blocks=(cone.free_block(0, 1), *cone.psd_blocks(1, block_orders)),
+            blocks=(cone.free_block(1), *cone.psd_blocks(1, block_orders)),
             constraints=(cone.norm_constraint(0, residual, R[:, n] / unit),),
         )
     )

@@ -421,15 +421,14 @@ def quiet(axes: Axes) -> None:
     axes.spines[["left", "bottom"]].set_in_layout(False)
 
 
-def few_ticks(*every: Axis, most: int = 5) -> None:
+def few_ticks(*every: Axis) -> None:
     """Give axes round numbers, whatever their length: words around them are measured once, see `_lay_out`.
 
     Args:
         every: The axes, to the right or upright.
-        most: Intervals between ticks at most.
     """
     for axis in every:
-        axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 2.5, 5, 10]))
+        axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
 
 
 def forest(

@@ -286,7 +286,7 @@ def stiffness_pane(axes: Axes, rows: Sequence[Row]) -> None:
 
 
 def residual_figure(
-    details: Row, looks: Mapping[str, Look], pair: Sequence[str], predicted: Sequence[str], against: str
+    details: Row, looks: Mapping[str, Look], pair: Sequence[str], predicted: Sequence[str]
 ) -> Figure:
     """Draw residuals of two models with normal curves, as Fig. 5, and predicted against true deflections.
 
@@ -295,7 +295,6 @@ def residual_figure(
         looks: Of all models, by name.
         pair: Models whose residuals are drawn; those that are not there are left out.
         predicted: The same of predictions, the best last.
-        against: What predictions are set beside, such as "true".
     """
     rows = {row.name: row for row in details.residuals}
     known = [name for name in pair if name in rows] or [*rows][:2]
@@ -303,8 +302,8 @@ def residual_figure(
     figure = page(3.0)
     panes = figure.subplots(1, len(known) + 1)
     residual_panes(panes[:-1], [rows[name] for name in known], looks)
-    predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, against)
-    panes[-1].set_title("Predicted against " + against)
+    predicted_pane(panes[-1], details.predictions, {name: looks[name] for name in drawn}, "true")
+    panes[-1].set_title("Predicted against true")
     normal = [in_words(name) for name in known if (rows[name].lilliefors_p or 0) >= REJECTED]
     answer = f"Residuals that pass Lilliefors' test of normality: {'; '.join(normal) or 'none'}"
     reading = (

@@ -131,7 +131,7 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.zeros(count), scaling.expected_x],
-            blocks=(cone.free_block(0, count), *cone.psd_blocks(count, scaling.block_orders)),
+            blocks=(cone.free_block(count), *cone.psd_blocks(count, scaling.block_orders)),
             constraints=(total, *norms),
         )
     )

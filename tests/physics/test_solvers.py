@@ -145,7 +145,7 @@ def nearest(z, blocks):
     """min |v - z| over v; the unknowns are the distance, then v."""
     cost = np.r_[1.0, np.zeros(len(z))]
     rows = (cone.norm_constraint(0, np.eye(len(z), 1 + len(z), 1), z),)
-    return cone.solve(cone.ConeProgram(cost, (cone.free_block(0, 1), *blocks), rows))
+    return cone.solve(cone.ConeProgram(cost, (cone.free_block(1), *blocks), rows))
 
 
 def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_their_block_lacks(rng):
@@ -171,7 +171,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
 
 def test_what_cannot_be_is_not_called_solved():
     apart = tuple(cone.ConeConstraint("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
-    found = cone.solve(cone.ConeProgram(np.ones(1), (cone.free_block(0, 1),), apart))  # x <= -1 and x >= 1
+    found = cone.solve(cone.ConeProgram(np.ones(1), (cone.free_block(1),), apart))  # x <= -1 and x >= 1
     assert found.status == f"not solved: Clarabel says {found.solver_status}"
     assert "nfeasible" in found.solver_status
 
@@ -213,7 +213,7 @@ def best_within(regression, t):
     found = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.ones(count), np.zeros(s.n_parameters)],
-            blocks=(cone.free_block(0, count), *conic.compliance_blocks(s, count)),
+            blocks=(cone.free_block(count), *conic.compliance_blocks(s, count)),
             constraints=(*norms, cone.ConeConstraint("nonnegative", room, np.ones(len(room)))),
         )
     )

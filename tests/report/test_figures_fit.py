@@ -331,7 +331,7 @@ def marks(lines):
 
 
 def test_the_figure_of_residuals_draws_both_histograms_their_normal_curves_and_predictions(details):
-    figure = residual_figure(details, LOOKS, ("MGCO56", "MLS56"), ("MLS56", TAKEN), "true")
+    figure = residual_figure(details, LOOKS, ("MGCO56", "MLS56"), ("MLS56", TAKEN))
     figure.draw_without_rendering()
     check_legible(figure)
     by_name = {row.name: row for row in details.residuals}

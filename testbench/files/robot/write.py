@@ -157,7 +157,7 @@ def drawn_mesh(part: Body) -> tuple[Surface, Array] | None:
         return None
     found = [s.surface for s in meshes]
     largest = int(np.argmax([_area(*surface) for surface in found]))
-    return _small(joined(found), DRAWN_FACES), meshes[largest].rgba
+    return _small(joined(found)), meshes[largest].rgba
 
 
 def _area(vertices: Array, faces: Faces) -> float:
@@ -165,15 +165,15 @@ def _area(vertices: Array, faces: Faces) -> float:
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def _small(surface: Surface, most: int) -> Surface:
+def _small(surface: Surface) -> Surface:
     """Reduce a surface to few faces: thinned directly, or on a coarser grid first where parts are loose."""
     if len(surface[1]) > MIN_FACES and not _sound(surface[1]):
         surface = convex_hull(convex_hull_vertices(surface[0])) or surface
-    thin = decimate(*surface, most)
+    thin = decimate(*surface, DRAWN_FACES)
     for cells in GRID:
-        if len(thin[1]) <= THIN_ENOUGH * most:
+        if len(thin[1]) <= THIN_ENOUGH * DRAWN_FACES:
             break
-        thin = decimate(*_gridded(*surface, cells), most)
+        thin = decimate(*_gridded(*surface, cells), DRAWN_FACES)
     return thin
 
 

@@ -199,7 +199,7 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     if f.details:
         known = {m.name: look_of(m) for m in f.models}
         drawn["eigenvalues.png"] = eigenvalue_figure(f.details, known, METHODS_BESIDE)
-        drawn["residuals.png"] = residual_figure(f.details, known, FIGURE_5, METHODS_BESIDE, "true")
+        drawn["residuals.png"] = residual_figure(f.details, known, FIGURE_5, METHODS_BESIDE)
         if f.details.get("compliances"):
             drawn["compliance.png"] = compliance_figure(f.details.compliances, DEFAULT, "true arm")
     return drawn
