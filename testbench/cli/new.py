@@ -34,7 +34,7 @@ def command(
         float | None, typer.Option(metavar="KG", help="Rated payload (default: by the arm's mass).")
     ] = None,
     tool: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Tool in the tip's frame, m; turn: ,RX,RY,RZ, deg.")
+        str | None, typer.Option(metavar="X,Y,Z", help="Tool in the tip's frame, m; also RX,RY,RZ, deg.")
     ] = None,
     marker: Annotated[
         list[str] | None,
