@@ -281,7 +281,7 @@ def stiffness_pane(axes: Axes, rows: Sequence[Row]) -> None:
     axes.legend(
         frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2
     )
-    axes.set_title("Joint with the link before it, 95 % intervals")
+    axes.set_title("Stiffness of each joint with the link before it, 95 %")
     quiet(axes)
 
 

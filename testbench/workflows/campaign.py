@@ -120,7 +120,7 @@ class Scenario(Setup):
     def mass(self) -> float:
         """Return the mass of the payload [kg]; BenchError if neither scenario nor arm states one."""
         if self.payload is None:
-            raise BenchError(f"payload [kg]: expected one, {self.arm} states none")
+            raise BenchError(f"payload [kg]: expected a payload, as {self.arm} states none")
         return self.payload
 
 
@@ -183,7 +183,7 @@ def simulate(cell: Cell, scenario: Scenario | None = None, seed: int = 1) -> Cam
     check_type(scenario, (Scenario, NoneType), "scenario")
     scenario = of_arm(cell.arm, Scenario(arm=cell.arm.name) if scenario is None else scenario)
     if Path(scenario.arm).name != cell.arm.name:
-        raise BenchError(f"scenario: expected one of the arm {cell.arm.name!r}, got one of {scenario.arm!r}")
+        raise BenchError(f"scenario: expected a scenario for {cell.arm.name!r}, got one for {scenario.arm!r}")
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise BenchError(f"seed: expected an integer from 0 on, got {seed!r}")
     return simulate_at(cell, scenario, seed, draw_poses(cell, scenario, seed))

@@ -128,7 +128,7 @@ def test_a_campaign_of_any_arm_is_under_its_payload_in_all_its_reach(tmp_path):
     q = campaign.truth.q
     assert np.ptp(q, axis=0) == pytest.approx(np.ptp(cell.arm.limits, axis=0), rel=0.1)  # 200 poses
     bare = replace(cell, arm=replace(cell.arm, payload=None))
-    with pytest.raises(BenchError, match=r"payload \[kg\]: expected one, arm states none"):
+    with pytest.raises(BenchError, match=r"payload \[kg\]: expected a payload, as arm states none"):
         simulate(bare, seed=3)
     section_6 = Scenario(arm="kr500_l480")
     assert section_6.payload == 460.3

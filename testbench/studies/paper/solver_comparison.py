@@ -357,7 +357,7 @@ def _statements(f: Row, seeds: int) -> Iterator[Row]:
     )
     yield Row(unviable, found=bound, verdict="contradicted" if proven else unviable.verdict)
     share = 1 - f.elsewhere / f.local_solves
-    yield statement_row("every local solve over b, m = n, ends at the global optimum", share == 1, share)
+    yield statement_row("with m = n, every local solve over b ends at the global optimum", share == 1, share)
     stops = 1 - f.floor_out_of_reach / seeds
     yield statement_row("the search can stop at the F_M of noise alone", stops == 1, stops)
 
