@@ -611,7 +611,10 @@ class Arm(Displayed):
 
     @property
     def dependence_matrix(self) -> Array | None:
-        """Return the derivative of all chain joints by the free ones, (n, n) [1]; None if all are free."""
+        """Return the derivative of all chain joints with respect to the free ones, (n, n) [1].
+
+        It is None if all joints are free.
+        """
         return (
             None
             if self.joint_map is None or self.joint_map.all_joints_free

@@ -253,7 +253,7 @@ def criterion_by_name(
 
 
 def criterion_e() -> LargestCriterion:
-    """Build the E-criterion, the least eigenvalue of M: one over the largest eigenvalue of M^-1."""
+    """Build the E-criterion, the least eigenvalue of the information matrix M."""
 
     def costs(M: Array) -> Array:
         return np.asarray(1 / np.linalg.eigvalsh(M))

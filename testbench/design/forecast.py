@@ -199,7 +199,10 @@ def _draws(k: int) -> Array:
 
 @dataclass(frozen=True)
 class LinearFit:
-    """Hold the affine fit x_m = K y + k of a model to whitened readings y of an arm with more unknowns."""
+    """Hold the fit of a model to whitened readings y of an arm with more unknowns than the model.
+
+    The model's unknowns are x_m = K y + k.
+    """
 
     full_setup: MeasurementSetup  #: The measurement with all N unknowns of the arm.
     arm_uncertainty: (

@@ -167,7 +167,7 @@ def solve_normal_equations(gram: Array) -> NormalEquationsSolution:
 
 @dataclass(frozen=True)
 class EvidencePosterior:
-    """Hold the posterior of the unknowns x, and -log p(y, h), at given hyperparameters h."""
+    """Hold the posterior of unknowns x at hyperparameters h, and the negative log evidence -log p(y, h)."""
 
     h: Array  #: Hyperparameters, (m,) [1].
     solution: NormalEquationsSolution  #: Most probable unknowns x.

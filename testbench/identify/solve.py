@@ -116,7 +116,10 @@ COMPLETED_METHOD_NAME = "least squares, conservative of equal fit"
 
 @dataclass(frozen=True)
 class EqualFits:
-    """Hold all parameters that fit as well as least squares: pi = u * (x + N w) for any w."""
+    """Hold all parameters pi that fit as well as least squares: pi = u * (x + N w) for any vector w.
+
+    u are units of the parameters, x is one solution in these units, and N spans the unobservable directions.
+    """
 
     parameter_units: Array  #: Units u of all parameters, (n,) [m/N, rad/(N m), rad/N].
     minimum_norm_solution: Array  #: Least squares x of minimum norm, in these units, (n,) [1].

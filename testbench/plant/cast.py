@@ -115,7 +115,10 @@ class CrossSections:
 
     @cached_property
     def shear_flexibility(self) -> Array:
-        """Compute the inverse shear area, the integral of q q^T / t, (sections, 2, 2) [1/m^2]."""
+        """Compute the inverse shear area, the integral of q q^T / t, (sections, 2, 2) [1/m^2].
+
+        q is the shear flow in the walls under unit forces, and t their thickness.
+        """
         weights, _ = SHEAR_QUADRATURE
         ease = self.wall_lengths / self.shear_thickness
         return np.asarray(np.einsum("sw,g,swgi,swgj->sij", ease, weights, self.shear_flow, self.shear_flow))

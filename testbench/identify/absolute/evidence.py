@@ -375,7 +375,7 @@ def _priors(groups: Sequence[tuple[str, Ids]], m: int) -> tuple[Hyperprior, ...]
     ]
 
     def pseudo_observations(z: Array) -> tuple[Array, Array, Array]:
-        """Compute -log density of `count` pseudo-observations under a size e^z, and its derivatives."""
+        """Compute the -log density of `count` pseudo-observations with deviation e^z, and derivatives."""
         over = np.exp(-2 * z)
         return count * (z + over / 2), count * (1 - over), 2 * count * over
 

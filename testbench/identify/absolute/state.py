@@ -539,7 +539,7 @@ def find_error_pattern(
         for candidate in joint_information
     ]
 
-    def best_shift(joint: int, members: dict[int, tuple[float, int]]) -> tuple[float, int, float]:
+    def best_pattern_shift(joint: int, members: dict[int, tuple[float, int]]) -> tuple[float, int, float]:
         """Find the shift [rad] and sign of the pattern in a joint, given those of others, and its log odds.
 
         Args:
@@ -556,18 +556,18 @@ def find_error_pattern(
 
     # Start with the joint whose odds with the others are best.
     joints = range(len(every))
-    pairs = [[best_shift(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
+    pairs = [[best_pattern_shift(j, {i: (0.0, 1)})[2] for j in joints if j != i] for i in joints]
     members = {int(np.argmax([np.maximum(row, 0).sum() for row in pairs])): (0.0, 1)}
     # Add the joint with the best odds, as long as they suffice.
     while len(members) < len(every):
-        found = {j: best_shift(j, members) for j in joints if j not in members}
+        found = {j: best_pattern_shift(j, members) for j in joints if j not in members}
         best = max(found, key=lambda j: found[j][2])
         if found[best][2] < MIN_SHARED_PATTERN_LOG_ODDS:
             break
         members[best] = found[best][:2]
     # Remove joints whose odds, given all others, do not suffice.
     while len(members) > 1:
-        again = {j: best_shift(j, members) for j in members}
+        again = {j: best_pattern_shift(j, members) for j in members}
         worst = min(again, key=lambda j: again[j][2])
         if again[worst][2] >= MIN_SHARED_PATTERN_LOG_ODDS:
             return _relative_to_first({j: (shift, sign) for j, (shift, sign, _) in again.items()})
