@@ -331,9 +331,9 @@ def of_masses(mass_fit: MassFit) -> str:
     """Say where masses from torques come from."""
     if not mass_fit.explains_torques:
         return (
-            "the masses of rigid.xml are used, because fitted masses would leave "
-            f"{mass_fit.residual:.3g} of {mass_fit.torque_deviation:.3g} N m of the torques' scatter "
-            "unexplained: check the order of joints, the unit and the payload"
+            "the masses of rigid.xml are used, because fitted masses do not explain the torques: "
+            f"the residual is {mass_fit.residual:.3g} N m, the standard deviation of the torques is "
+            f"{mass_fit.torque_deviation:.3g} N m. Check the order of joints, the unit and the payload"
         )
     whose = (
         "the torques of the motors against the weight"

@@ -139,7 +139,7 @@ def plan(cell: Cell, q: Array, settings: PlanSettings) -> Planned:
     check_type(cell, Cell, "cell")
     check_type(settings, PlanSettings, "settings")
     if settings.absolute:
-        raise BenchError("absolute: expected a plan for tasks")
+        raise BenchError("settings.absolute: expected False; plan_absolute plans absolute readings")
     q = cell.arm.check_joint_positions(q, "tasks q [rad, m]")
     return plan_for(cell, settings, Tasks(q, weight(cell.vjm, settings.loads_kg[0])))
 
@@ -307,8 +307,8 @@ def _check_without_prior(spec: PlanSpecification, q: Array) -> None:
     if numbers := (np.flatnonzero(unbounded_predictions(problem, rows)) + 1).tolist():
         named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if len(numbers) > NAMED else "")
         raise BenchError(
-            f"tasks {named} ({len(numbers)} of {len(rows)}): their loads move the arm in directions that "
-            "the planned loads cannot determine, so the error has no bound; "
+            f"tasks {named} ({len(numbers)} of {len(rows)}): the planned loads cannot determine all "
+            "deflections under the loads of these tasks, so their error has no bound; "
             "add a prior, or a load or pull in another direction"
         )
 
