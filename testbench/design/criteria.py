@@ -103,7 +103,7 @@ class LinearCriterion:
     W: Array  #: Weight, symmetric, positive semi-definite, (r, r).
 
     def phi(self, M: Array) -> float:
-        """Compute Phi(M) = 1 / tr(W M^-1).
+        """Compute Phi(M) = 1 / tr(W M^-1), with the weight W of this criterion.
 
         Mathematics: `pose-5`.
 

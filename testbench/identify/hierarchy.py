@@ -54,7 +54,7 @@ MIN_CURVATURE, MAX_STEP_LENGTH = 1e-3, 2.0
 
 @dataclass(frozen=True)
 class Hyperprior:
-    """Hold the prior densities of k linear functions z = R h - offset of the m hyperparameters h."""
+    """Hold prior densities of k linear functions of the m hyperparameters h: z = rows h - offset."""
 
     rows: Array  #: Matrix R, (k, m).
     offset: Array  #: Value of R h at z = 0, (k,).

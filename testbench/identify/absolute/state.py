@@ -439,7 +439,7 @@ class ErrorPattern:
 
 
 def error_pattern_coefficients(error_terms: JointErrorTerms) -> Ids:
-    """List the indices of a joint's Fourier coefficients that a pattern may have, k sines first, (2 k,)."""
+    """List the Fourier coefficients of a joint that an `ErrorPattern` may have, k sines first, (2 k,)."""
     return np.flatnonzero(np.tile(error_terms.orders, 2) >= MIN_PATTERN_ORDER)
 
 
