@@ -33,10 +33,10 @@ from testbench.plant.true_arms import FAMILY_NAME, FAMILY_TRUE_ARMS, true_arm_of
 from testbench.report.badge import of_rivals
 from testbench.report.colours import GREY, SERIES, Look
 from testbench.report.figure import Figure, forest, headed, sweeps
-from testbench.report.planned_poses import ORDER, OURS, UNSCALED, World
+from testbench.report.planned_poses import OURS, UNSCALED, World
 from testbench.report.report import Report, say
 from testbench.report.scene import ModelLine, PageContent, PlaceMap, Scene
-from testbench.report.schema import TRUE_ARM_LABELS, Table, TableColumn, columns
+from testbench.report.schema import KNOWN, TRUE_ARM_LABELS, Table, TableColumn, columns
 from testbench.report.table import Row, Trials, merged, number
 from testbench.runs.rows import trial_rng
 from testbench.runs.spread import ends, independent, middle, span, wins
@@ -556,21 +556,12 @@ KEPT_BY: Mapping[str, tuple[str, Mapping[str, str]]] = {
 }
 """What promises are told by: column, and what its words are called."""
 PLACES = {"tasks_mm": "at the tasks", "workspace_mm": "over the workspace"}
+PLAN_LABELS = KNOWN["plan"].called  #: What readers call the plans by each criterion, and random poses.
 LOOKS = {
-    **{name: Look(SERIES[k], k, prior=False) for k, name in enumerate(("test", "I", "D", "A", "E", "G"))},
-    RANDOM: Look(GREY, 0, prior=True),
+    **{PLAN_LABELS[name]: Look(SERIES[k], k, prior=False) for k, name in enumerate(Scope.criteria)},
+    PLAN_LABELS[RANDOM]: Look(GREY, 0, prior=True),
 }
-"""Colour and mark of every criterion, random poses dashed."""
-CRITERIA_IN_WORDS = {
-    "test": "error at the tasks (test)",
-    "I": "error over the workspace (I)",
-    "D": "confidence volume (D)",
-    "A": "mean variance (A)",
-    "E": "largest variance (E)",
-    "G": "largest error (G)",
-    RANDOM: "random poses",
-}
-"""What each criterion minimises, as the key of the figure names it."""
+"""Colour and mark of the plans by each criterion, random poses dashed."""
 
 
 def _report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
@@ -578,11 +569,16 @@ def _report(asked: PlanningSettings, seeds: range, trials: Trials) -> Report:
     f = _numbers(asked, seeds, trials)
     n, rivals = asked.scope.featured, [row.plan for row in f.criteria if row.plan != "test"]
     own = trials.where(part="measured", poses=n, fit=PLANNED)
-    badge = of_rivals(own.add(name=own["plan"]), "test", rivals, "tasks_mm")
+    own = own.add(name=[PLAN_LABELS[name] for name in own["plan"].tolist()])
+    badge = of_rivals(own, PLAN_LABELS["test"], [PLAN_LABELS[name] for name in rivals], "tasks_mm")
     # Over the workspace another criterion may be better.
-    badge = badge and replace(badge, what="task error", article="criterion ")
+    badge = badge and replace(badge, what="task error")
     criteria = Table(
-        columns(CRITERIA), f.criteria, f"{n} poses by criterion", headline="tasks_mm", looks=LOOKS
+        columns(CRITERIA),
+        f.criteria,
+        f"Plans of {n} poses by what they minimise",
+        headline="tasks_mm",
+        looks=LOOKS,
     )
     return Report(
         scenario=NAME,
@@ -719,22 +715,19 @@ def _figures(found: Report) -> dict[str, Figure]:
     """Draw errors by number of poses, with and without the prior; of one number by criterion."""
     f = Row(found.numbers)
     answer = f"Errors after {f.dataset.poses} poses, planned and random"
-    reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise. Plans by what they minimise."
-    looks = {CRITERIA_IN_WORDS[name]: look for name, look in LOOKS.items()}
-    winner = CRITERIA_IN_WORDS.get(found.winner, "")
+    reading = f"RMS errors, {f.arm}, {f.dataset.sigma_um:g} um of noise."
     if len(f.study.poses) == 1:
-        plan, *others = found.tables["criteria"].columns
-        in_words = (replace(plan, called=CRITERIA_IN_WORDS), *others)
-        criteria = replace(found.tables["criteria"], columns=in_words, looks=looks, bold=winner)
         note = f"{reading} Fit: {PLANNED}. Dotted line: random poses."
-        return {"pose_selection.png": forest(criteria, PLACES, answer, note, CRITERIA_IN_WORDS[RANDOM])}
+        return {
+            "pose_selection.png": forest(found.tables["criteria"], PLACES, answer, note, PLAN_LABELS[RANDOM])
+        }
     own = [fit for fit in dict.fromkeys(row.fit for row in f.errors) if fit not in FITS]
     plan, poses = columns("plan poses")
     panes = {
         f"{PLACES[key]}{words}": Table(
-            (replace(plan, called=CRITERIA_IN_WORDS), poses, TableColumn(key, "RMS error", "mm")),
+            (plan, poses, TableColumn(key, "RMS error", "mm")),
             [row for row in f.errors if row.fit == fit],
-            looks=looks,
+            looks=LOOKS,
         )
         for fit, key, words in (
             (PLANNED, "tasks_mm", ""),
@@ -749,9 +742,9 @@ def _figures(found: Report) -> dict[str, Figure]:
         panes,
         answer,
         f"{reading} Lines: medians of {seeds} seeds. Bands: {span(seeds)}.",
-        (CRITERIA_IN_WORDS["test"], CRITERIA_IN_WORDS[RANDOM]),
+        (PLAN_LABELS["test"], PLAN_LABELS[RANDOM]),
     )
-    return {"pose_selection.png": headed(figure, "", winner)}
+    return {"pose_selection.png": headed(figure, "", found.winner)}
 
 
 def _write(run: Run[PlanningSettings]) -> PageContent:
@@ -771,11 +764,12 @@ def _write(run: Run[PlanningSettings]) -> PageContent:
         f"Error {mm:.3f} mm. Joints at {cell.arm.pose_text(own)}."
         for own, mm in zip(places, left, strict=True)
     ]
-    plan = world.poses(f"{ORDER}: test", named, q, world.measured(q, force), ordered=True)
+    order = f"In the order of measuring: {PLAN_LABELS['test']}"
+    plan = world.poses(order, named, q, world.measured(q, force), ordered=True)
     over = "Error of the predicted deflection, median over the trials (mm)"
     return PageContent(
         scene=Scene(cell, UNSCALED, [plan, world.all_over(places, rest, int(left.argmax()))]),
-        map=PlaceMap(over, 1, at[3], [ModelLine(f"{PLANNED}, poses by test", OURS, left)]),
+        map=PlaceMap(over, 1, at[3], [ModelLine(PLAN_LABELS["test"], OURS, left)]),
     )
 
 

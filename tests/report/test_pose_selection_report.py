@@ -15,11 +15,11 @@ from testbench.studies.campaigns import CampaignRow
 from testbench.studies.planning import (
     AWAY,
     BARE,
-    CRITERIA_IN_WORDS,
     FITS,
     HOME,
     INCUMBENT,
     LOOKS,
+    PLAN_LABELS,
     PLANNED,
     STUDY,
     WHOLE,
@@ -146,11 +146,24 @@ def test_promises_are_counted_case_by_case(both):
 @pytest.mark.parametrize("winner", ["test", "I"])
 def test_plans_are_judged_beside_the_strongest_of_the_others_at_the_tasks(winner):
     found, trials = made({winner: (0.1, 0.1)})
-    assert (f"**{winner}**" in grid(found.tables["criteria"])) == (found.winner == winner)
+    words = PLAN_LABELS[winner]
+    assert (f"**{words}**" in grid(found.tables["criteria"])) == (found.winner == words)
     assert (found.badge.what, found.badge.verdict) == ("task error", "undecided")
-    assert winner in (found.badge.winner, found.badge.rival)
+    assert words in (found.badge.winner, found.badge.rival)
     medians = {name: np.median(pick(trials, "measured", name, PLANNED)) for name in NAMES if name != "test"}
-    assert min(medians, key=medians.get) in (found.badge.winner, found.badge.rival)
+    assert PLAN_LABELS[min(medians, key=medians.get)] in (found.badge.winner, found.badge.rival)
+
+
+def test_every_table_names_plans_in_words_and_its_rows_keep_the_keys(both):
+    found, _ = both
+    for name in ("criteria", "enough", "poses"):
+        shown = read_back(found).tables[name]
+        assert {shown.columns[0].cell(row) for row in shown.rows} == {PLAN_LABELS[key] for key in NAMES}
+    assert [row.plan for row in found.numbers["criteria"]] == list(NAMES)
+    assert {row.criterion for row in found.numbers["plans"]} == {*CRITERIA}
+    named = {found.badge.winner, found.badge.rival}
+    assert named < {*PLAN_LABELS.values()}
+    assert all(words in found.answer for words in named)
 
 
 @pytest.mark.parametrize(
@@ -176,7 +189,7 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
         assert unit_in(axes.get_ylabel()) == "mm"
         levels = {name: [r for r in f["errors"] if (r.fit, r.plan) == (fit, name)] for name in NAMES}
         assert axes.get_ylim() == drawn["pose_selection.png"].axes[0].get_ylim()  # one quantity, one scale
-        in_words = {words: name for name, words in CRITERIA_IN_WORDS.items()}
+        in_words = {words: name for name, words in PLAN_LABELS.items()}
         for words, (x, y) in curves(axes).items():
             name = in_words[words]
             assert (x.tolist(), y.tolist()) == ([8, 12], [level[key].median for level in levels[name]])
@@ -186,5 +199,7 @@ def test_the_figure_draws_the_reports_numbers_in_the_look_of_each_criterion(both
     rows = quick.numbers["criteria"]
     assert STUDY.figures(read_back(quick)).keys() == {"pose_selection.png"}
     for axes, key in zip(STUDY.figures(quick)["pose_selection.png"].axes, keys[:2], strict=True):
-        first = place_of(quick, [row.plan for row in rows])
-        check_forest(axes, [row[key] for row in rows], [LOOKS[row.plan] for row in rows], first=first)
+        first = place_of(quick, [PLAN_LABELS[row.plan] for row in rows])
+        check_forest(
+            axes, [row[key] for row in rows], [LOOKS[PLAN_LABELS[row.plan]] for row in rows], first=first
+        )
