@@ -298,8 +298,15 @@ def make_plan(
     """
     check_criterion(criterion_name)
     examined = candidate_set(spec, q)
+    search = _pose_search(spec, feasibility, rng)
+    criterion = criterion_by_name(criterion_name, examined.problem, workspace_rows(spec), task_rows(spec))
+    return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
+
+
+def _pose_search(spec: PlanSpecification, feasibility: Feasibility, rng: np.random.Generator) -> PoseSearch:
+    """Make the search for better joint angles of a plan."""
     arm = spec.setup.vjm.arm
-    search = PoseSearch(
+    return PoseSearch(
         partial(whitened_rows_by_load, spec),
         spec.n_poses,
         arm.limits,
@@ -307,8 +314,6 @@ def make_plan(
         rng,
         arm.with_dependent_joints,
     )
-    criterion = criterion_by_name(criterion_name, examined.problem, workspace_rows(spec), task_rows(spec))
-    return Plan(specification=spec, **vars(choose_poses(search, criterion, examined)))
 
 
 def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: np.random.Generator) -> Plan:
@@ -332,15 +337,8 @@ def plan_with_gauges(plan: Plan, gauges: Gauges, feasibility: Feasibility, rng: 
     spec = plan.specification
     examined = plan.candidates
     criterion = plan.criterion
-    problem, arm = examined.problem, spec.setup.vjm.arm
-    search = PoseSearch(
-        partial(whitened_rows_by_load, spec),
-        spec.n_poses,
-        arm.limits,
-        feasibility,
-        rng,
-        arm.with_dependent_joints,
-    )
+    problem = examined.problem
+    search = _pose_search(spec, feasibility, rng)
     every = gauge_rows(spec, examined.q, examined.load_index, gauges, problem.lift)
     # poses with their gauges by exchange, then better joint angles with these gauges
     start, pose = _exchange_places(plan, gauges, every)
