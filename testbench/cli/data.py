@@ -20,6 +20,7 @@ from testbench.files.read_pairs import read_export
 from testbench.files.read_series import read_series
 from testbench.files.read_unknown import sheets_of
 from testbench.files.text import UnevenRows
+from testbench.identify.diagnosis.hypotheses import length_text
 from testbench.report.readings import column_lines, draw_runs, file_lines, report, written
 from testbench.report.report import RunRequest, write_run
 from testbench.report.table import Row
@@ -38,7 +39,6 @@ from testbench.workflows.read_runs import (
     register_export,
     registration_notes,
 )
-from testbench.workflows.rows import MM
 
 COMMAND = "testbench data check"  #: As manifest.json names it.
 MAP = Kind("a map that testbench data map wrote", b"# A map of ")
@@ -229,8 +229,8 @@ def _show_series(
     _show_columns(
         console, export.columns, export.notes, f"{sum(series.n_rows for series in export.series)} readings"
     )
-    off = MM * kinematic_misfit(cell.vjm, export.series)
-    console.print(f"The median distance of these readings from the nominal arm is {off:.3g} mm.")
+    off = length_text(kinematic_misfit(cell.vjm, export.series))
+    console.print(f"The median distance of these readings from the nominal arm is {off}.")
     for one in export.series:
         if fit := fit_of_series(cell.arm, one):
             angle = f"{math.degrees(fit.angle):.2g} deg"

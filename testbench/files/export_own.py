@@ -464,7 +464,7 @@ def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, 
     )
     far = frame_distance(root @ theirs, tool_poses(vjm, q) @ tip)
     if not max(far) <= MAX_DIFFERENCE:
-        problem = f"its tip is up to {1e3 * far[0]:.3g} mm and {1e3 * far[1]:.3g} mrad from the tool of"
+        problem = f"its tip is up to {1e3 * far[0]:.4g} mm and {1e3 * far[1]:.4g} mrad from the tool of"
         limits = f"{1e3 * MAX_DIFFERENCE:g} mm and mrad"
         why = "it is another robot, or has other joint zeros or signs"
         if re.match(BEGINS_NEW, robot_chain.text.encode()):

@@ -269,14 +269,19 @@ def _masses(arm: ArmContext) -> Iterator[str]:
     weights = np.array([model.body(link.name).mass[0] for link in arm.cell.arm.links])
     whole, (low, high) = float(weights.sum()), MASS
     if not low <= whole / arm.vjm.reach**3 <= high:
-        expected = f"{low * arm.vjm.reach**3:.2g} to {high * arm.vjm.reach**3:.2g} kg"
-        yield f"its links weigh {whole:.3g} kg at a reach of {arm.vjm.reach:.3g} m, expected {expected}"
+        expected = " to ".join(_kg(limit * arm.vjm.reach**3) for limit in MASS)
+        yield f"its links weigh {_kg(whole)} at a reach of {arm.vjm.reach:.3g} m, expected {expected}"
     yield from _densities(arm.cell, weights)
     for link, mass in zip(arm.cell.arm.links[1:], weights[1:], strict=True):
         if mass < NOTHING * whole:
-            yield f"{link.name} weighs only {mass:.2g} kg of the arm's {whole:.3g} kg"
+            yield f"{link.name} weighs only {_kg(mass)} of the arm's {_kg(whole)}"
         elif mass > ALL * whole and len(weights) > 3:
-            yield f"{link.name} weighs {mass:.3g} kg of the arm's {whole:.3g} kg"
+            yield f"{link.name} weighs {_kg(mass)} of the arm's {_kg(whole)}"
+
+
+def _kg(mass: float) -> str:
+    """Format a mass for a sentence: "0.35 kg", "19,080 kg"."""
+    return f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"
 
 
 def _densities(cell: Cell, weights: Array) -> Iterator[str]:
@@ -290,7 +295,7 @@ def _densities(cell: Cell, weights: Array) -> Iterator[str]:
     volume = np.array(list(volumes.values()))
     mass, (low, high) = float(weights[volume > 0].sum()), PLAUSIBLE_DENSITY
     if volume.any() and not low <= mass / volume.sum() <= high:
-        inside = f"the arm's {mass:.4g} kg give {mass / volume.sum():.0f} kg/m^3 in its collision shapes"
+        inside = f"the arm's {_kg(mass)} give {mass / volume.sum():.0f} kg/m^3 in its collision shapes"
         yield f"{inside}, expected {low:g} to {high:g}"
 
 

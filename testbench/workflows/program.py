@@ -142,7 +142,7 @@ def _refuse_far(program: Program, reached: InverseKinematics, points: Ids) -> No
     if len(far):
         missing = 1e3 * np.column_stack([reached.distance_error, reached.angle_error])
         names = [
-            "line {} by {:.3g} mm and {:.3g} mrad".format(program.line[points[k]], *missing[k])
+            "line {} by {:,.2f} mm and {:,.2f} mrad".format(program.line[points[k]], *missing[k])
             for k in far[:NAMED]
         ]
         more = f" and {len(far) - NAMED} more" if len(far) > NAMED else ""
@@ -680,7 +680,9 @@ def refusal_words(arm: Arm, refusal: Refusal | None) -> str | None:
         return f"{joint.name} would pass its limit by {beyond}"
     if refusal.reason == "collision":
         return f"{refusal.involved_names[0]} would collide with {refusal.involved_names[1]}"
-    return f"out of reach by {1e3 * refusal.excess:.3g} mm" if refusal.reason == "reach" else "no equilibrium"
+    return (
+        f"out of reach by {1e3 * refusal.excess:,.2f} mm" if refusal.reason == "reach" else "no equilibrium"
+    )
 
 
 def direction_words(direction: Array) -> str:

@@ -50,7 +50,7 @@ points of the tool: load is 3.5 m from the tool, but the arm reaches only 3.37 m
     rigid.xml: (?<=<body name="load" pos=)"0.35 0.14 -0.08" -> "3.5 0.14 -0.08"
 points of the tool: markers P1, P2, P3 lie on a line
     rigid.xml: (?<=<body name="P3" pos=)"0.16 -0.12 -0.40" -> "0.30 0.04 0.25"
-mass: link_3 weighs 5.45e+05 kg of the arm's
+mass: link_3 weighs 545,200 kg of the arm's
     rigid.xml: mass="545\.2" -> mass="545200"
 mass: kg/m^3 in its collision shapes, expected 300 to 4000
     rigid.xml: mass="545\.2" -> mass="9545.2"
