@@ -560,7 +560,7 @@ LOOKS = {
 DRAWN_AS = {
     "no correction": Look(MEASURED, 1, prior=True),
     "Joints-only": LOOKS[JOINTS_ONLY],
-    "the default": LOOKS[DEFAULT],
+    "the default model": LOOKS[DEFAULT],
 }
 """How the tool is drawn, not corrected and corrected by each model; what wins is last."""
 LONGEST = 0.3  #: Most errors as they are drawn [m].

@@ -435,6 +435,20 @@ def test_lines_end_where_their_axes_end_and_names_of_two_lines_are_whole(seen, t
     assert key[0][0] > wide  # beside the axes
 
 
+@pytest.mark.parametrize(("second", "written_again"), [("grows", False), ("falls", True)])
+def test_panes_with_the_same_key_have_it_once_and_axes_of_one_width(tmp_path, second, written_again):
+    figure = Figure()
+    for axes, label in zip(figure.subplots(2, 1), ("grows", second), strict=True):
+        axes.plot([0.0, 1.0], [0.0, 1.0], color="#C88304", label=label)
+        axes.set_yticks([0, 1], ["soft arm", "stiff arm"])
+        axes.set(xlabel="error [mm]", xlim=(0, 1), ylim=(0, 1))
+    chunks = sound(written(tmp_path / "a.rrd", PageContent(), Chart=figure), "It is 3.000 mm off.")
+    keys = [columns(chunks, f"/figures/chart_{k}/key_0").get("Points2D:labels") for k in (0, 1)]
+    assert keys == [[["grows"]], [[second]] if written_again else None]
+    corners = [columns(chunks, f"/figures/chart_{k}/axes")["LineStrips2D:strips"][0] for k in (0, 1)]
+    assert corners[0] == corners[1]
+
+
 def test_places_of_a_map_have_words_without_the_colours_of_what_is_not_drawn_there(seen, tmp_path):
     first, places = seen.scene.groups
     dots = replace(first.layers[0], at=seen.map.at[:, None], labels=())

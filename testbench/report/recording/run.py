@@ -116,7 +116,9 @@ def _above(axes: Axes) -> float:
     return GAP + LINE * bool(axes.get_ylabel())
 
 
-def write_pane(pen: Pen, path: str, axes: Axes, size: Size, names: Sequence[str] = ()) -> rrb.Spatial2DView:
+def write_pane(
+    pen: Pen, path: str, axes: Axes, size: Size, names: Sequence[str] = (), *, with_key: bool = True
+) -> rrb.Spatial2DView:
     """Write what a pane holds; its view, as large as all that is written in it.
 
     Args:
@@ -125,6 +127,7 @@ def write_pane(pen: Pen, path: str, axes: Axes, size: Size, names: Sequence[str]
         axes: The pane.
         size: Of the view in a viewer 1600 pixels wide [pixel].
         names: What stands beside its upright axis; what the pane has if empty.
+        with_key: Whether its key is written; the room for it stays, so that axes below each other align.
     """
     names, keys = names or rows_of(axes), _keys(axes)
     texts = [text for text in axes.texts if text.get_text()]
@@ -153,7 +156,7 @@ def write_pane(pen: Pen, path: str, axes: Axes, size: Size, names: Sequence[str]
         ]
         said = _written_at(np.concatenate(at), [text.get_text() for text in texts], 1)
         pen.names(f"{path}/texts", *said, GREY)
-    for k, (text, colour) in enumerate(keys):
+    for k, (text, colour) in enumerate(keys if with_key else []):
         beside = np.array([[wide + (aside + right) / 2, KEY_LINE * k]])
         pen.names(f"{path}/key_{k}", beside, [text], _seen(colour))
     _around(pen, path, axes, inside, names)
@@ -558,10 +561,14 @@ def _panes(pen: Pen, figures: Mapping[str, Figure], *, alone: bool) -> list[rrb.
 def _written(
     pen: Pen, chosen: Sequence[tuple[str, Axes, list[str]]], across: int, *, alone: bool
 ) -> list[rrb.View]:
-    """Write panes, each as large as its place in the tab: so many side by side."""
+    """Write panes, each as large as its place in the tab: so many side by side; a key that repeats once."""
     wide = ANSWER_WIDE / across if alone else SIDE_WIDE
     high = TAB_HIGH / -(-len(chosen) // across) - TITLE_HIGH
-    return [write_pane(pen, path, axes, (wide, high), names) for path, axes, names in chosen]
+    keys = [_keys(axes) for _, axes, _ in chosen]
+    return [
+        write_pane(pen, path, axes, (wide, high), names, with_key=keys[k] not in keys[:k])
+        for k, (path, axes, names) in enumerate(chosen)
+    ]
 
 
 def summary(words: ReportWords) -> str:
