@@ -17,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from testbench.design.rows import DesignProblem, row_products, split_into_blocks
 from testbench.errors import Array, BenchError
@@ -25,6 +26,11 @@ CRITERIA = ("D", "A", "E", "G", "I", "test")  #: Names of all criteria; absolute
 POWER_MEAN_EXPONENT = 24  #: Exponent of the power mean that replaces the largest cost of G and E [1].
 MIN_UPDATE_ACCURACY = 1e-3
 """Share of the digits of K that updates of `CandidateGains` may leave [1]: N loses twice as many digits."""
+MAX_INVERTED_INFORMATION = 1e5
+"""Largest information of a reading over that of M, up to which gains are computed from M^-1 [1].
+
+Above it the rounding of M^-1 can exceed the gains in the weak directions; then use `gains_at_root`.
+"""
 MAX_EXACT_CANDIDATES = 32
 """Most candidates for which G and E are computed exactly; the power mean of their costs selects them."""
 
@@ -354,6 +360,10 @@ class CandidateGains:
             reduction = reduction + N[0, 0] / K[0, 0]
         return np.asarray(reduction)
 
+    def largest_information(self) -> float:
+        """Return the largest diagonal entry of K: 1 plus the information of a reading over that of M [1]."""
+        return float(np.einsum("iip->ip", self.K).max())
+
 
 def candidate_gains(M: Array, rows: Array, W: Array) -> CandidateGains:
     """Compute how much each candidate would reduce tr(W M^-1), from M.
@@ -371,6 +381,30 @@ def candidate_gains(M: Array, rows: Array, W: Array) -> CandidateGains:
     ]
     products = np.ascontiguousarray(np.concatenate(blocks).transpose(1, 2, 0))
     return CandidateGains(rows, W, I, np.eye(k)[:, :, None] + products[0::2], products[1::2])
+
+
+def gains_at_root(root: Array, rows: Array, W: Array) -> CandidateGains:
+    """Compute gains in the coordinates b = R a, in which the information M = R^T R is the identity.
+
+    Whitened rows F become G = F R^-1, and the weight W becomes R^-T W R^-1. Every candidate's rows are turned
+    by the eigenvectors of G G^T, which changes no gain: strong rows no longer hide weak ones. So gains stay
+    accurate if a reading has far more information than M.
+
+    Mathematics: `pose-7`.
+
+    Args:
+        root: Upper triangular root R of M = R^T R, (r, r).
+        rows: Whitened rows F of every candidate, (candidates, k, r).
+        W: Weight of the linear criterion, (r, r).
+
+    Returns:
+        Gains of all candidates at M; their rows and W are in the coordinates b.
+    """
+    G = solve_triangular(root, rows.reshape(-1, len(root)).T, trans="T").T.reshape(rows.shape)
+    turned = np.linalg.eigh(G @ G.swapaxes(1, 2))[1].swapaxes(1, 2) @ G
+    half = solve_triangular(root, W, trans="T")
+    # the strongest row first: the elimination starts with it
+    return candidate_gains(np.eye(len(root)), turned[:, ::-1], solve_triangular(root, half.T, trans="T"))
 
 
 def update_gains(gains: CandidateGains, M: Array, changed_rows: Array, signs: Array) -> CandidateGains:

@@ -31,10 +31,13 @@ from itertools import combinations, cycle, islice, product
 import numpy as np
 
 from testbench.design.criteria import (
+    MAX_INVERTED_INFORMATION,
+    CandidateGains,
     Criterion,
     LargestCriterion,
     LinearCriterion,
     candidate_gains,
+    gains_at_root,
     gram_matrices,
     update_gains,
 )
@@ -299,17 +302,35 @@ def greedy_plan(problem: DesignProblem, criterion: Criterion, rows: Array, n_pos
     Returns:
         Indices of the candidates in the order of choice, (poses,).
     """
+    if isinstance(criterion, LinearCriterion):
+        return _choose_linear(problem.prior_information, criterion.W, rows, n_poses)
     M, plan = problem.prior_information, np.zeros(n_poses, dtype=int)
-    gains = candidate_gains(M, rows, criterion.W) if isinstance(criterion, LinearCriterion) else None
     for k in stepwise(range(n_poses), "choosing poses"):
-        # of a linear criterion the gains follow M; the others are computed from it
-        worth = criterion.phi_with_candidate(M, rows) if gains is None else gains.phi_with_candidate()
-        plan[k] = worth.argmax()
-        added = rows[plan[k]]
-        M = M + added.T @ added
-        if gains is not None and k < n_poses - 1:
-            gains = update_gains(gains, M, added, np.ones(len(added)))
+        plan[k] = criterion.phi_with_candidate(M, rows).argmax()
+        M = M + rows[plan[k]].T @ rows[plan[k]]
     return plan
+
+
+def _choose_linear(prior: Array, W: Array, rows: Array, n_poses: int) -> Ids:
+    """Choose greedily by a linear criterion, whose gains of all candidates follow the plan."""
+    plan = np.zeros(n_poses, dtype=int)
+    # M, and the rows of the gains, are in coordinates in which the information was the identity
+    gains, M = gains_at_root(np.asarray(np.linalg.cholesky(prior).T), rows, W), np.eye(len(prior))
+    for k in stepwise(range(n_poses), "choosing poses"):
+        if k > 0:
+            gains, M = _add_to_gains(gains, M, gains.rows[plan[k - 1]])
+        plan[k] = gains.phi_with_candidate().argmax()
+    return plan
+
+
+def _add_to_gains(gains: CandidateGains, M: Array, added: Array) -> tuple[CandidateGains, Array]:
+    """Add a pose with the rows `added`, (k, r), to the information M; return the new gains, and their M."""
+    if gains.largest_information() <= MAX_INVERTED_INFORMATION:
+        M = M + added.T @ added
+        return update_gains(gains, M, added, np.ones(len(added))), M
+    # the first poses tell far more than was known: a triangular root keeps the digits of what they leave open
+    root = np.linalg.qr(np.vstack([np.linalg.cholesky(M).T, added]), mode="r")
+    return gains_at_root(np.asarray(root), gains.rows, gains.W), np.eye(len(M))
 
 
 def exchange_poses(problem: DesignProblem, criterion: Criterion, rows: Array, plan: Ids) -> Ids:

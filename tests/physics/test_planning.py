@@ -13,8 +13,16 @@ from testbench import BenchError, Load, PlanSettings, deflections, least_squares
 from testbench.arm.mjcf import GRAVITY
 from testbench.design import absolute
 from testbench.design import rows as plans
-from testbench.design.criteria import CRITERIA, criterion_by_name
-from testbench.design.exchange import Feasibility, Gauges, PoseSearch, exchange_poses, gauge_rows, greedy_plan
+from testbench.design.criteria import CRITERIA, criterion_by_name, gains_at_root
+from testbench.design.exchange import (
+    Feasibility,
+    Gauges,
+    PoseSearch,
+    _add_to_gains,
+    exchange_poses,
+    gauge_rows,
+    greedy_plan,
+)
 from testbench.design.forecast import forecast, forecast_fit, linear_fit
 from testbench.design.planning import (
     COLLISION_SURCHARGE,
@@ -319,6 +327,36 @@ def test_readings_turned_by_a_rotation_or_in_another_order_give_the_same_plan(
         values.append([criterion.phi(plans.information(problem, own)) for own in (range(POSES), chosen[0])])
     assert values[1] == pytest.approx(values[0], rel=1e-11)
     assert chosen[1] == chosen[0]
+
+
+def absolute_design(kr500, _spec, places):
+    """Frame and mount are known to 1 m, readings to 50 um: K reaches 1e10."""
+    setup = absolute_setup(kr500, PlanSettings(absolute=True, criterion="I"))
+    return absolute.candidate_set(setup, places, POSES).problem, absolute.position_rows(setup, places[-20:])
+
+
+def design_without_prior(_kr500, spec, places):
+    """Only a ridge of 1e-13 of the readings' information keeps M invertible."""
+    bare = replace(spec, prior_uncertainty=None, n_poses=POSES)
+    return candidate_set(bare, places).problem, plans.task_rows(bare)
+
+
+@pytest.mark.parametrize("design", [absolute_design, design_without_prior])
+def test_gains_of_the_first_greedy_poses_are_those_of_all_rows(kr500, spec, places, design):
+    """Every candidate's Phi by the triangular factor of all rows, whose rounding is 1e-16 sqrt(K)."""
+    problem, wanted = design(kr500, spec, places)
+    criterion = criterion_by_name("I", problem, wanted)
+    root, (size, V) = np.linalg.cholesky(problem.prior_information).T, np.linalg.eigh(criterion.W)
+    half = V * np.sqrt(np.maximum(size, 0))  # W = half half^T
+    chosen = greedy_plan(problem, criterion, problem.rows, 5)
+    gains, M = gains_at_root(root, problem.rows, criterion.W), np.eye(len(root))
+    for best in chosen:
+        every = [np.linalg.qr(np.vstack([root, F]), mode="r") for F in problem.rows]
+        phi = np.array([1 / np.square(np.linalg.solve(R.T, half)).sum() for R in every])
+        assert gains.phi_with_candidate() == pytest.approx(phi, rel=1e-6)
+        assert phi[best] == pytest.approx(phi.max(), rel=1e-6)
+        gains, M = _add_to_gains(gains, M, gains.rows[best])
+        root = every[best]
 
 
 FACES = ("plane:P1:z:1.9,0.3,0.6", "plane:P1:-x:2.3,0,1.4", "plane:P1:-y:1.5,1.2,1.4")
