@@ -95,6 +95,18 @@ class ArmJoint:
         return 1e3 if self.prismatic else 180 / math.pi
 
 
+def limits_of(joints: Sequence[ArmJoint]) -> Array:
+    """Collect the limits of joints.
+
+    Args:
+        joints: Joints of a chain or of files, n.
+
+    Returns:
+        Lower and upper limits, (2, n) [rad, m].
+    """
+    return np.array([[joint.lower for joint in joints], [joint.upper for joint in joints]])
+
+
 @dataclass(frozen=True, eq=False)
 class JointMap:
     """Hold the linear map from m file joints to n chain joints, q_model = L q_file + q_0, m <= n.
@@ -316,10 +328,7 @@ def _file_joint_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array
     Returns:
         Least and largest values of the file joints, (2, m) [rad, m].
     """
-    ends = (
-        np.array([[joint.lower, joint.upper] for joint in joints])[joint_map.free_joints]
-        - joint_map.q_0[joint_map.free_joints, None]
-    )
+    ends = (limits_of(joints) - joint_map.q_0)[:, joint_map.free_joints].T
     parts = joint_map.inverse_of_free_rows[:, :, None] * ends
     return np.array([parts.min(axis=2).sum(axis=1), parts.max(axis=2).sum(axis=1)])
 
@@ -337,7 +346,7 @@ def _narrow_limits(joint_map: JointMap, joints: Sequence[ArmJoint]) -> Array:
     Raises:
         BenchError: When no range is left for a joint.
     """
-    limits = np.array([[joint.lower, joint.upper] for joint in joints]).T
+    limits = limits_of(joints)
     D = joint_map.dependence_matrix
     for k in np.setdiff1d(np.arange(len(D)), joint_map.free_joints):
         drivers = np.flatnonzero(D[k])
@@ -607,7 +616,7 @@ class Arm(Displayed):
     @property
     def limits(self) -> Array:
         """Return lower and upper limits of the chain joints, (2, n) [rad, m]."""
-        return np.array([[j.lower for j in self.joints], [j.upper for j in self.joints]])
+        return limits_of(self.joints)
 
     @property
     def dependence_matrix(self) -> Array | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from testbench.arm.document import is_integer
-from testbench.arm.folder import Arm, ArmJoint
+from testbench.arm.folder import Arm, ArmJoint, limits_of
 from testbench.arm.mjcf import GRAVITY, attribute_numbers, find_body, read_mjcf
 from testbench.errors import Array, Ids, InputError, Mask, some_of
 from testbench.files.mapping import Named, Names
@@ -956,7 +956,7 @@ def _check_chain(columns: Columns, arm: Arm, q: Array) -> None:
 
 def _check_limits(columns: Columns, joints: Sequence[ArmJoint], q: Array) -> None:
     """Refuse file joints beyond their limits, with a hint if another unit or sign would fit."""
-    lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
+    lower, upper = limits_of(joints)
     bad = np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))
     if not len(bad):
         return
@@ -975,7 +975,7 @@ def _check_limits(columns: Columns, joints: Sequence[ArmJoint], q: Array) -> Non
 
 def _other_columns(columns: Columns, joints: Sequence[ArmJoint], q: Array, k: int) -> str:
     """Find what brings a joint's column within the limits: the other sign, or another joint's column."""
-    lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
+    lower, upper = limits_of(joints)
     found = list[str]()
 
     def within(some: Sequence[int], values: Array) -> bool:

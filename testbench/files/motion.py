@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import ArmJoint
+from testbench.arm.folder import ArmJoint, limits_of
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.files.languages import FOLDER, Language, known_languages, language_of, with_mark
 from testbench.runs.whole import write_whole
@@ -231,7 +231,7 @@ def _check_moves(motion: Motion) -> Array:
     """Check that joints, (points, m) [rad, m], are within limits and labels as many; else a BenchError."""
     joints, labels = motion.joints, motion.labels
     found = check_array(motion.q, (None, len(joints)), "q [rad, m]")
-    lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
+    lower, upper = limits_of(joints)
     for k, j in np.argwhere((found < lower - LIMIT_ROUNDING) | (found > upper + LIMIT_ROUNDING))[:1]:
         own = joints[j]
         low, high, got = (own.display_factor * x for x in (own.lower, own.upper, found[k, j]))

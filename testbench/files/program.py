@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Arm
+from testbench.arm.folder import Arm, limits_of
 from testbench.display import Displayed
 from testbench.errors import Array, Ids, InputError, Mask, check_type, some_of
 from testbench.files.beside import read_rotations
@@ -330,7 +330,7 @@ def _program_joints(
 def _check_limits(text: ProgramText, arm: Arm, points: Sequence[PointText], q: Array) -> None:
     """Refuse joints as files count them, (points, m) [rad, m], beyond their limits."""
     joints = arm.file_joints
-    lower, upper = (np.array([getattr(joint, end) for joint in joints]) for end in ("lower", "upper"))
+    lower, upper = limits_of(joints)
     for row, k in np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))[:1].tolist():
         joint, point = joints[k], points[row]
         low, high, got = (joint.display_factor * x for x in (joint.lower, joint.upper, q[row, k]))
