@@ -249,8 +249,13 @@ def _poses(axes: Axes, scene: Scene, pose_group: PoseGroup, k: int, plane: tuple
     for layer in pose_group.layers:
         if layer.shown:
             _layer(axes, layer, k, shown, scene)
-    axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
     axes.margins(WIDE)
+    _label_plane(axes, plane)
+
+
+def _label_plane(axes: Axes, plane: Sequence[int]) -> None:
+    """Give the axes of a plane of the world their names, one scale and few ticks."""
+    axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
     axes.set_aspect("equal", adjustable="datalim")  # the pane keeps its size, and shows more where it is wide
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
@@ -821,12 +826,8 @@ def stiffness_figure(rows: Sequence[Row], force: float) -> Figure:
             fontsize=MIN_LETTER_SIZE,
             ha="left" if right else "right",
         )
-        axes.set(xlabel=f"{'xyz'[plane[0]]} [m]", ylabel=f"{'xyz'[plane[1]]} [m]")
-        axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(f"{name.capitalize()}, × {scale:,g}")
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-        quiet(axes)
+        _label_plane(axes, plane)
     size_pane(panes[2], rows, force)
     named = [_pose_name(rows[k]) for k in (soft, stiff)]
     answer = f"Softest at {named[0]}: {force:,.0f} N move the tool by up to {sizes[soft, 0]:.3f} mm"
