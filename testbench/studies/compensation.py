@@ -36,7 +36,6 @@ from testbench.identify.posterior import (
 from testbench.identify.prior import Prior, scale_by_prior
 from testbench.model.load import Load, read_body_masses, weight
 from testbench.model.structure import all153
-from testbench.model.vjm import WorkArea
 from testbench.plant.disturbance import TYPICAL_DISTURBANCES
 from testbench.plant.equilibrium import ArmEquilibrium, solve_equilibrium, solve_unloaded_and_loaded
 from testbench.plant.rigid_cell import Payload
@@ -65,7 +64,14 @@ from testbench.studies.campaigns import seeds_of
 from testbench.studies.panel import FORCE_RANGE, TIP, drawn, jobs, program, tasks
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import DEFAULT_WITHOUT_CONE, Everywhere, Run, Study, with_errors, without_cone
-from testbench.workflows.campaign import LoadedPoses, Setup, read_markers, settle_both, true_cell
+from testbench.workflows.campaign import (
+    SECTION_6_AREA,
+    LoadedPoses,
+    Setup,
+    read_markers,
+    settle_both,
+    true_cell,
+)
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import WITHOUT_CONE
 from testbench.workflows.models import (
@@ -93,8 +99,6 @@ PAYLOAD, PULL, SLING = 460.3, 3000.0, 0.5
 RUNS = 2  #: In every pose.
 SIGMA = 50e-6  #: Standard deviation of one reading along one axis [m].
 STATION = (4.5, -2.5, 1.6)  #: Of the tracker [m].
-AREA = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
-"""Where the panel stands: the work area of section 6."""
 PLANNED, RANDOM = "planned", "random"
 WEIGHT, BOTH = "weight", "weight and pull"
 """What loads the arm while it is measured: in every pose the weight, or in every pose one of both."""
@@ -209,7 +213,7 @@ def _planned(asked: CompensationSettings) -> list[tuple[str, int]]:
 
 def _checks(cell: Cell) -> Checks:
     payload = Payload(PAYLOAD, SLING)
-    return build_checks(cell, PoseConditions(area=AREA, station=Station(STATION), payload=payload))
+    return build_checks(cell, PoseConditions(area=SECTION_6_AREA, station=Station(STATION), payload=payload))
 
 
 def loads(cell: Cell) -> tuple[Load, Load]:

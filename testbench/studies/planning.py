@@ -45,7 +45,14 @@ from testbench.studies.campaign.trial import Fits
 from testbench.studies.campaigns import CampaignRow, campaign_rows
 from testbench.studies.run import READ, headline, warnings
 from testbench.studies.study import ArmFlag, Everywhere, Run, Study
-from testbench.workflows.campaign import Campaign, Setup, poses_with_weight, true_cell
+from testbench.workflows.campaign import (
+    SECTION_6_AREA,
+    SECTION_6_WORKSPACE,
+    Campaign,
+    Setup,
+    poses_with_weight,
+    true_cell,
+)
 from testbench.workflows.campaign import measure_markers as read
 from testbench.workflows.cell import Cell, build_cell
 from testbench.workflows.model_names import FILLED
@@ -106,14 +113,11 @@ class Ground:
     area: WorkArea  #: Where predictions are wanted.
 
 
-HOME = Ground(
-    "in front", (4.5, -2.5, 1.6), WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
-)
+HOME = Ground("in front", (4.5, -2.5, 1.6), SECTION_6_AREA)
 AWAY = Ground(
     "at the side", (-2.5, 4.0, 1.8), WorkArea((-0.9, 1.4, 0.9), (0.9, 2.4, 1.9), (0.0, 1.0, 0.0), np.pi / 4)
 )
 """Where section 6 works, and another ground, on which nothing was tuned."""
-ANYWHERE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))  #: The workspace.
 
 
 @dataclass(frozen=True)
@@ -494,7 +498,7 @@ def _scene(cell: Cell, asked: PlanningSettings, first: int) -> PlanningScene:
     drawn = (
         (_conditions(scope), scope.candidates, trial_rng(asked.seed, first + 1)),
         (PoseConditions(area=scope.ground.area), scope.tasks, rng),
-        (PoseConditions(area=ANYWHERE), scope.workspace, rng),
+        (PoseConditions(area=SECTION_6_WORKSPACE), scope.workspace, rng),
     )
     found = (
         find_feasible_poses(build_checks(cell, conditions), count, own).q for conditions, count, own in drawn

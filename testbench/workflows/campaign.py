@@ -87,6 +87,12 @@ SECTION_6 = (
 )
 
 
+SECTION_6_AREA = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
+"""Work area of the calibration poses in section 6."""
+SECTION_6_WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
+"""The whole workspace above the floor in section 6."""
+
+
 def _as_in_section_6(value: T) -> Callable[[dict[str, object]], T | None]:
     """A default that holds for the arm of section 6 and is None for any other."""
     return lambda known: value if known.get("arm") == SECTION_6 else None
@@ -100,15 +106,9 @@ class Scenario(Setup):
     sigma: float = Field(default=50e-6, ge=1e-9, le=0.01)
     truth: Truth = "nonlinear"
     #: Work area of the calibration poses; None for all that the arm reaches.
-    station: WorkArea | None = Field(
-        default_factory=_as_in_section_6(
-            WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
-        )
-    )
+    station: WorkArea | None = Field(default_factory=_as_in_section_6(SECTION_6_AREA))
     #: Area of the second check, the whole workspace above the floor; None for all that the arm reaches.
-    workspace: WorkArea | None = Field(
-        default_factory=_as_in_section_6(WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0)))
-    )
+    workspace: WorkArea | None = Field(default_factory=_as_in_section_6(SECTION_6_WORKSPACE))
     identification_poses: int = Field(default=8, ge=1, le=1000)  #: Poses to identify from.
     check_poses: int = Field(default=3, ge=1, le=1000)  #: Poses never used for it.
     #: Runs over the identification poses; some poses are measured twice.
