@@ -105,19 +105,3 @@ class Registry(MutableMapping[str, T]):
 
     def __len__(self) -> int:
         return len(self.built_in) + len(self.added)
-
-
-def check_has(kind: str, name: str, part: object, wanted: tuple[str, ...]) -> None:
-    """Refuse a part that lacks an attribute.
-
-    Args:
-        kind: Word for a part in the message, such as "joint law".
-        name: Name of the part.
-        part: The part.
-        wanted: Names of the attributes that it needs.
-
-    Raises:
-        BenchError: When attributes are missing; the message names them.
-    """
-    if missing := [attribute for attribute in wanted if not hasattr(part, attribute)]:
-        raise BenchError(f"{kind} {name!r}: {type(part).__name__} lacks {', '.join(missing)}")

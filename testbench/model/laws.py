@@ -30,7 +30,7 @@ from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.model.load import BodyMasses, own_weight_load, read_body_masses
 from testbench.model.structure import Structure
 from testbench.model.vjm import ChainState, Vjm, cross
-from testbench.registry import Registry, check_has
+from testbench.registry import Registry
 
 # --- Shapes of joints that are more than linear springs, a class each: deflection, its slope, its size ------
 
@@ -237,7 +237,9 @@ LAW_CHECK_DEFLECTIONS = NominalDeflections(np.array([[-1e-3, 0.0]]), np.array([[
 
 def _check(name: str, law: JointLaw) -> None:
     """Refuse an object that is no law, before a fit fails of it."""
-    check_has("joint law", name, law, ("unit", "unit_symbol", "size_prior", "formula", "deflection", "slope"))
+    wanted = "unit", "unit_symbol", "size_prior", "formula", "deflection", "slope"
+    if missing := [attribute for attribute in wanted if not hasattr(law, attribute)]:
+        raise BenchError(f"joint law {name!r}: {type(law).__name__} lacks {', '.join(missing)}")
     if name == COMPENSATOR_KIND:
         raise BenchError(f"joint law {name!r}: the name is taken; choose another")
     median, width = law.size_prior

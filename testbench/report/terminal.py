@@ -197,7 +197,7 @@ def viewing_lines(out: Path, given: Sequence[Path] = (), **known: str | Path) ->
     ]
 
 
-def print_places(console: Console, out: Path, *, figures: list[str], data: str = "dataset.csv") -> None:
+def print_places(console: Console, out: Path, *, figures: list[str], data: str) -> None:
     """Print where the results are, and how to open them.
 
     Args:

@@ -193,27 +193,16 @@ def read_project() -> Project | None:
     Raises:
         InputError: Names the key and what was expected.
     """
-    return parse_project(NAME, read_text(NAME, MAX_BYTES)) if NAME.is_file() else None
-
-
-def parse_project(path: Path, text: str) -> Project:
-    """Read a project from the text of a file.
-
-    Args:
-        path: Path of the file.
-        text: The text.
-
-    Returns:
-        The project.
-    """
+    if not NAME.is_file():
+        return None
     try:
-        return Project.model_validate(parse_toml(path, text))
+        return Project.model_validate(parse_toml(NAME, read_text(NAME, MAX_BYTES)))
     except ValidationError as err:
         keys, kind, problem = first_invalid_value(err)
         if kind == "extra_forbidden":
             known = (Project if len(keys) == 1 else FileSettings).model_fields
             problem = f"unknown key; keys are {', '.join(known)}"
-        raise InputError(path, toml_place(path, keys), problem) from err
+        raise InputError(NAME, toml_place(NAME, keys), problem) from err
 
 
 class ProjectCommand(TyperCommand):
