@@ -466,6 +466,11 @@ class Arm(Displayed):
         return len(self.joints)
 
     @property
+    def hinges(self) -> Mask:
+        """Tell which chain joints are hinges, not slides, (n,)."""
+        return np.array([not joint.prismatic for joint in self.joints], dtype=bool)
+
+    @property
     def n_theta(self) -> int:
         """Return the number of virtual joints, 7 n + 6: six per link, then one per joint; 48 for n = 6."""
         return 6 * len(self.links) + len(self.joints)
@@ -590,9 +595,8 @@ class Arm(Displayed):
                 beyond `TWO_TURNS`.
         """
         values = check_array(q, (None, self.n_joints), name)
-        hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
         lower, upper = np.minimum(self.limits[0], -TWO_TURNS), np.maximum(self.limits[1], TWO_TURNS)
-        if (wrong := ((values < lower) | (values > upper)) & hinges).any():
+        if (wrong := ((values < lower) | (values > upper)) & self.hinges).any():
             pose, j = np.argwhere(wrong)[0]
             problem = f"{self.joints[j].name} of pose {pose} is at {values[pose, j]:g} rad"
             raise BenchError(f"{name}: expected radians; {problem}, more than two turns")
@@ -636,11 +640,10 @@ class Arm(Displayed):
 
         These are the hinges that no other joint follows.
         """
-        hinges = np.array([not joint.prismatic for joint in self.joints], dtype=bool)
         return (
-            hinges
+            self.hinges
             if self.dependence_matrix is None
-            else hinges & (np.count_nonzero(self.dependence_matrix, axis=0) == 1)
+            else self.hinges & (np.count_nonzero(self.dependence_matrix, axis=0) == 1)
         )
 
     def with_dependent_joints(self, q: Array) -> Array:

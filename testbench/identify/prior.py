@@ -149,7 +149,7 @@ def aggregate_left_out_joints(C: Array, vjm: Vjm, structure: Structure) -> Array
     """
     C, first = C.copy(), 6 * len(vjm.arm.links)
     out = np.flatnonzero(structure.block_of_row[first : first + vjm.arm.n_joints] < 0)
-    slides = np.array([joint.prismatic for joint in vjm.arm.joints], dtype=bool)[out]
+    slides = ~vjm.arm.hinges[out]
     rows = 6 * out[:, None] + np.where(slides, 0, 3)[:, None] + np.arange(3)  # that the joint moves
     axis = vjm.joint_axes_in_beam_frame[out]
     added = C[first + out, first + out, None, None] * axis[:, :, None] * axis[:, None, :]

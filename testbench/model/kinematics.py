@@ -332,10 +332,9 @@ def joint_error_basis(
         BenchError: When q has another shape or is not finite.
     """
     q = check_array(q, (None, arm.n_joints), "q [rad, m]")
-    hinge = np.array([not joint.prismatic for joint in arm.joints])
     # exp(i o q) for o = 1, 2, ... by repeated products: imaginary part sin(o q), real part cos(o q)
     once = np.broadcast_to(np.exp(1j * q), (max(terms.orders, default=0), *q.shape))
-    turns = np.cumprod(once, axis=0)[np.array(terms.orders, dtype=int) - 1] * hinge
+    turns = np.cumprod(once, axis=0)[np.array(terms.orders, dtype=int) - 1] * arm.hinges
     parts = [turns.imag, turns.real]
     # torque over its typical size, (runs, n)
     pull = (torque / np.where(typical_torque > 0, typical_torque, 1.0)[:, None]).T

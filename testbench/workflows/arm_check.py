@@ -93,8 +93,7 @@ def work_area(cell: Cell) -> Array:
     """Draw poses over the joint limits, clear of collision where shapes can tell, (poses, n) [rad, m]."""
     from testbench.plant.rigid_cell import collision_free
 
-    lower, upper = cell.arm.limits
-    turning = np.array([not joint.prismatic for joint in cell.arm.joints], dtype=bool)
+    (lower, upper), turning = cell.arm.limits, cell.arm.hinges
     lower = np.where(turning, np.maximum(lower, np.minimum(upper - FULL_ROTATION, -FULL_ROTATION)), lower)
     upper = np.where(turning, np.minimum(upper, np.maximum(lower + FULL_ROTATION, FULL_ROTATION)), upper)
     q = cell.arm.with_dependent_joints(trial_rng(0).uniform(lower, upper, (DRAWN_POSES, cell.arm.n_joints)))

@@ -488,9 +488,10 @@ def absolute_setup(cell: Cell, settings: PlanSettings) -> AbsoluteSetup:
         geometry_deviation=settings.geometry_mm / MM,
         joint_error_deviation=settings.gear_urad / UM,
     )
-    hinges = np.array([not joint.prismatic for joint in cell.arm.joints])
     beyond = settings.gear_urad * math.sqrt(HIGHEST_ORDER - settings.orders)  # orders that are noise
-    return AbsoluteSetup(unknowns, state, L, pose, np.where(hinges, beyond / UM, 0.0), readings_by_kind=kinds)
+    return AbsoluteSetup(
+        unknowns, state, L, pose, np.where(cell.arm.hinges, beyond / UM, 0.0), readings_by_kind=kinds
+    )
 
 
 def _kinds_of_poses(settings: PlanSettings, pose: Series) -> tuple[tuple[Series, ...], ...]:

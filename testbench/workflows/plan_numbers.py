@@ -261,7 +261,7 @@ def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple
 def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     """The poses of the plan, how far it is to each, and whether the straight way is free."""
     arm, q = made.cell.arm, made.plan.q
-    slides = np.array([joint.prismatic for joint in arm.joints], dtype=bool)
+    slides = ~arm.hinges
     steps = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
     ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_paths)]

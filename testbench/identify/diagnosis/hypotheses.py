@@ -343,9 +343,10 @@ def _unit(observations: Observations) -> KinematicCorrections:
 
 
 def _angle_unit(observations: Observations) -> KinematicCorrections:
-    hinge = np.array([not joint.prismatic for joint in observations.vjm.arm.joints], dtype=bool)
     for factor in (np.rad2deg(1), np.deg2rad(1)):
-        corrected = replace(observations, q=np.where(hinge, factor * observations.q, observations.q))
+        corrected = replace(
+            observations, q=np.where(observations.vjm.arm.hinges, factor * observations.q, observations.q)
+        )
         yield _alternative(corrected, size=[factor])
 
 
