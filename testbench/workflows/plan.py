@@ -165,9 +165,8 @@ def plan_for(cell: Cell, settings: PlanSettings, tasks: Tasks) -> Planned:
     indices = observability(best.candidates.problem, best.chosen_indices)
     if spec.prior_uncertainty is None and indices.seen < indices.of:
         raise BenchError(
-            f"poses: {settings.poses} poses determine {indices.seen} of the {indices.of} directions "
-            f"that these "
-            "loads can determine; give more poses, or plan with a prior"
+            f"poses: {settings.poses} of them determine {indices.seen} of the {indices.of} directions that "
+            "these loads can determine; give more poses, or plan with a prior"
         )
     fit = linear_fit_after(spec, cad_prior(cell.arm), best.whitened_rows)
     poses, forecast, around = (

@@ -52,7 +52,7 @@ def cell():
             "^Scenario: poses: no such field; fields are arm, .*payload",
         ),
         (lambda _: tb.Scenario(), "^Scenario: arm: this field is missing"),
-        (lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")), "arm 'kr500_l480', got one of 'ur10'"),
+        (lambda cell: tb.simulate(cell, tb.Scenario(arm="ur10")), "a scenario for 'kr500_l480', got one for"),
         (lambda cell: tb.simulate(cell, seed=-1), "seed: expected an integer from 0 on, got -1"),
         (lambda _: tb.score(np.zeros((2, 3)), np.zeros((4, 3))), r"equal shapes, got \(2, 3\) and \(4, 3\)"),
         (lambda _: tb.score(np.zeros((0, 3)), np.zeros((0, 3))), "at least one deflection, got shape"),
