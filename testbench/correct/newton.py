@@ -234,11 +234,11 @@ class Aim:
     #: Pose that programmed joints stand for; None is "drawn" for an absolute model, "unloaded" for any other.
     joint_meaning: JointMeaning | None = None
     tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: Point in the tool's frame, (3,) [m].
-    #: Unit vector of the spindle in the tool's frame, (3,) [1].
-    spindle: tuple[float, float, float] = DEFAULT_SPINDLE_AXIS
+    #: Unit vector along the spindle in the tool's frame, (3,) [1].
+    spindle_axis: tuple[float, float, float] = DEFAULT_SPINDLE_AXIS
 
     def __post_init__(self) -> None:
-        """Check words, shapes, the size of the tool point and the length of the spindle; else BenchError."""
+        """Check words, shapes, size of the tool point and length of the spindle axis; else BenchError."""
         if self.corrected_part not in get_args(CorrectedPart):
             known = " or ".join(get_args(CorrectedPart))
             raise BenchError(f"aim.corrected_part: expected {known}, got {self.corrected_part!r}")
@@ -246,13 +246,13 @@ class Aim:
             known = " or ".join(get_args(JointMeaning))
             raise BenchError(f"aim.joint_meaning: expected {known} or None, got {self.joint_meaning!r}")
         point = check_array(self.tool_point, (3,), "aim.tool_point [m]")
-        spindle = check_array(self.spindle, (3,), "aim.spindle [1]")
+        spindle = check_array(self.spindle_axis, (3,), "aim.spindle_axis [1]")
         if (
             np.abs(point).max() > MAX_TOOL_POINT_COORDINATE
             or abs(np.linalg.norm(spindle) - 1) > UNIT_VECTOR_TOLERANCE
         ):
-            problem = f"a tool point within {MAX_TOOL_POINT_COORDINATE:g} m and a spindle of length 1"
-            raise BenchError(f"aim: expected {problem}, got {self.tool_point} and {self.spindle}")
+            problem = f"a tool point within {MAX_TOOL_POINT_COORDINATE:g} m and a spindle axis of length 1"
+            raise BenchError(f"aim: expected {problem}, got {self.tool_point} and {self.spindle_axis}")
 
 
 def programmed_target(state: ArmState, q: Array, joint_meaning: JointMeaning, tool_point: Array) -> Target:
@@ -355,7 +355,7 @@ def _rotation_error(points: InverseStaticsProblem, rotation: Array) -> Array:
     """Compute the remaining rotation; where the spindle may turn about itself, that of its axis alone."""
     if points.aim.corrected_part != "axis":
         return rotation_vectors_between(rotation, points.target.rotation)
-    spindle = np.array(points.aim.spindle)
+    spindle = np.array(points.aim.spindle_axis)
     return rotation_vectors_between_axes(rotation @ spindle, points.target.rotation @ spindle)
 
 
@@ -426,7 +426,9 @@ def _solve_batch(points: InverseStaticsProblem, max_steps: int, *, renewed: bool
         if step == 0 or renewed:
             J = _jacobian(now.aim, off.chain, now.state.vjm.joint_spring_slice)
             J = (J if moves is None else J @ moves) * now.joint_is_free[:, None]
-            G = newton_operator(J, now.aim.corrected_part, now.target.rotation @ np.array(now.aim.spindle))
+            G = newton_operator(
+                J, now.aim.corrected_part, now.target.rotation @ np.array(now.aim.spindle_axis)
+            )
         # q by the operator, theta to its springs' equilibrium; points that stand still or diverge drop out
         move = _joint_step(now, off, q[moving], G, J) / 2 ** min(2, step // STEPS_BEFORE_HALVING)
         still = corrected.solved[moving] & (np.abs(move).max(axis=1) <= CONVERGED_JOINT_MOTION)

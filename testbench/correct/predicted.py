@@ -190,7 +190,7 @@ def relative_half_widths(model: ArmModel, poses: LoadedPoses, point: Array) -> A
 def motion_jacobian(
     model: ArmModel, end_poses: LoadedPoses, start_poses: LoadedPoses | None, points: Array
 ) -> Array:
-    """Compute the Jacobian of motions of the tool, or of positions, by every uncertain unknown of a model.
+    """Compute the derivatives of motions of the tool, or of its positions, by the c uncertain unknowns.
 
     Mathematics: `cor-8`.
 

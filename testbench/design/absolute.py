@@ -186,8 +186,9 @@ def without_frame_and_mount(setup: AbsoluteSetup, rows: Array) -> Array:
     """Remove the part of position changes that a fitted tracker frame and mount would explain.
 
     Args:
-        setup: Unknowns, of which frame and mount are the first.
-        rows: Change of positions per unit of the unknowns x, `position_rows`, (poses, 3 loads m, r) [m].
+        setup: The r unknowns, of which frame and mount are the first.
+        rows: Change of the positions of m targets per unit of the unknowns, from `position_rows`,
+            (poses, 3 loads m, r) [m].
 
     Returns:
         Change of positions beyond frame and mount, (poses, 3 loads m, r) [m].

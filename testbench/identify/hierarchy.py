@@ -54,9 +54,9 @@ MIN_CURVATURE, MAX_STEP_LENGTH = 1e-3, 2.0
 
 @dataclass(frozen=True)
 class Hyperprior:
-    """Hold prior densities of k linear functions of the m hyperparameters h: z = rows h - offset."""
+    """Hold prior densities of k linear functions of the m hyperparameters h: z = R h - offset."""
 
-    rows: Array  #: Matrix R, (k, m).
+    coefficients: Array  #: Coefficients R of the linear functions, (k, m).
     offset: Array  #: Value of R h at z = 0, (k,).
     #: Function of z, (k,), to -log p(z) of every z and its first and second derivatives, (k,) each.
     neg_log_density: Callable[[Array], tuple[Array, Array, Array]]
@@ -215,8 +215,8 @@ def evidence_posterior(model: EvidenceModel, h: Array) -> EvidencePosterior:
     g = D.T @ (D.any(axis=1) - off**2 - np.diag(V) / d**2) - model.log_scale_rows.T @ (mean * off / d)
     g[-kinds:] += model.equation_counts - left - spent
     for prior in model.hyperpriors:
-        of, slope, _ = prior.neg_log_density(prior.rows @ h - prior.offset)
-        value, g = value + of.sum(), g + prior.rows.T @ slope
+        of, slope, _ = prior.neg_log_density(prior.coefficients @ h - prior.offset)
+        value, g = value + of.sum(), g + prior.coefficients.T @ slope
     return EvidencePosterior(h, solved, V, d, mean, left, spent, float(value), g)
 
 
@@ -264,8 +264,8 @@ def evidence_hessian(model: EvidenceModel, posterior: EvidencePosterior) -> tupl
     H += S.T @ ((posterior.prior_mean**2 * w - posterior.prior_mean * a)[:, None] * S) - 2 * wD.T @ V**2 @ wD
     H += 2 * K.T @ (np.diag(posterior.residual_squares + posterior.effective_parameters) - traces) @ K
     for prior in model.hyperpriors:
-        bend = prior.neg_log_density(prior.rows @ h - prior.offset)[2]
-        H += prior.rows.T @ (bend[:, None] * prior.rows)
+        bend = prior.neg_log_density(prior.coefficients @ h - prior.offset)[2]
+        H += prior.coefficients.T @ (bend[:, None] * prior.coefficients)
     return H, J
 
 

@@ -453,7 +453,7 @@ class _State:
     step: Array  #: Length of the last step, 1 for a full one, (problems,).
 
     def select(self, mask: Mask) -> "_State":
-        """Select some of the problems.
+        """Return the state of some of the problems only.
 
         Args:
             mask: True for each problem to keep, (problems,).

@@ -577,18 +577,18 @@ def elastic_state(vjm: Vjm, C_theta: Array, body_masses: BodyMasses) -> ArmState
 
 
 def model_of_compliances(
-    state: ArmState, structure: Structure, posterior: Posterior, origin: ModelOrigin
+    arm_state: ArmState, structure: Structure, posterior: Posterior, origin: ModelOrigin
 ) -> ArmModel:
     """Make an arm model of which only the compliances are uncertain; its geometry counts as exact.
 
     Args:
-        state: Geometry, compliances and own weight of the arm.
+        arm_state: Geometry, compliances and own weight of the arm.
         structure: Structure of the compliances, n parameters.
         posterior: Posterior of these n parameters.
         origin: Method, files of readings, warnings and largest load.
     """
-    first = Unknowns(state.vjm, (), {}, state.error_terms, structure).first_columns["elastic"]
-    return ArmModel(state, structure, first + np.arange(structure.n_parameters), posterior, origin)
+    first = Unknowns(arm_state.vjm, (), {}, arm_state.error_terms, structure).first_columns["elastic"]
+    return ArmModel(arm_state, structure, first + np.arange(structure.n_parameters), posterior, origin)
 
 
 @runtime_checkable

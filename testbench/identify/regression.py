@@ -24,7 +24,7 @@ from testbench.errors import Array, BenchError, Ids, Mask, check_type
 from testbench.identify.absolute.align import (
     POSITION_KINDS,
     Noise,
-    combine_rows,
+    combine_repeated_rows,
     equation_kinds_of,
     repeated_rows,
     robust_whitening,
@@ -703,7 +703,7 @@ def whitened_rows(linearisation: Linearisation, series: Series) -> tuple[Array, 
     # Readings of one pose become a mean and differences, (abs-4), and are whitened.
     groups = repeated_rows(series)
     A, (W, kinds) = (
-        combine_rows(groups, A),
+        combine_repeated_rows(groups, A),
         whitening_matrices(series, linearisation.noise, rotation, groups),
     )
     for group in groups:

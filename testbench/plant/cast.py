@@ -50,7 +50,7 @@ class CrossSections:
 
     @cached_property
     def area(self) -> Array:
-        """Compute the area of every section that carries normal stress, (sections,) [m^2]."""
+        """Compute, for every section, the area that carries normal stress, (sections,) [m^2]."""
         return np.asarray((self.thickness * self.wall_lengths).sum(axis=1))
 
     @cached_property

@@ -202,7 +202,7 @@ def _loads_of(model: ArmModel, program: Program, aim: Aim, q: Array) -> tuple[Lo
     tip = np.array(aim.tool_point)
     try:
         names = [f"line {line}" for line in program.line]
-        spindle = rotation @ np.array(aim.spindle)
+        spindle = rotation @ np.array(aim.spindle_axis)
         along = process_wrench(program.along, position + rotation @ tip, spindle, names)
     except BenchError as err:
         raise InputError(program.path, "", str(err)) from err

@@ -14,7 +14,7 @@ from testbench.identify.absolute import evidence as sizes
 from testbench.identify.absolute.align import (
     Noise,
     align_all,
-    combine_rows,
+    combine_repeated_rows,
     estimate_model_error,
     mean_stated_variances,
     repeated_rows,
@@ -179,7 +179,7 @@ def test_readings_with_covariances_and_orientations_are_whitened_in_base_axes(rn
     )
     noise = Noise(OPEN, OPEN_TURN, np.array([1.1, 1.2, 1.3, 1.4]))
     W, kinds = whitening_matrices(series, noise, R, repeated_rows(series))
-    H = combine_rows([np.arange(k)[None]], np.eye(k)).T
+    H = combine_repeated_rows([np.arange(k)[None]], np.eye(k)).T
     np.testing.assert_allclose(H @ H.T, np.eye(k), atol=1e-12)
     open_ = np.diag(H @ np.ones((k, k)) @ H.T)
     for p in range(poses):

@@ -436,7 +436,7 @@ def test_an_aim_that_is_none_no_points_what_a_model_does_not_know_and_buckling_a
     for one in (
         {"corrected_part": "positon"},
         {"joint_meaning": "taught"},
-        {"spindle": (2.0, 0, 0)},
+        {"spindle_axis": (2.0, 0, 0)},
         {"tool_point": (300.0, 0, 0)},
     ):
         with pytest.raises(BenchError, match="aim"):

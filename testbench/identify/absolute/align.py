@@ -90,7 +90,7 @@ def equation_kinds_of(series: Sequence[Series]) -> tuple[int, ...]:
     )
 
 
-def combine_rows(row_groups: Sequence[Ids], values: Array) -> Array:
+def combine_repeated_rows(row_groups: Sequence[Ids], values: Array) -> Array:
     """Replace repeated readings by their mean and differences (Helmert's transformation).
 
     Args:

@@ -763,7 +763,7 @@ class Hypotheses:
 
     @property
     def sentences(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
-        """Return the function that describes each kind of mistake, and the question to the user, by name."""
+        """Return, for each kind of mistake, the function that describes it and the question to the user."""
         parts = (
             self.single_runs,
             self.all_loads,

@@ -91,7 +91,7 @@ def nuisance_model(
 
 
 def p_value(step: Issue) -> float:
-    """Compute the probability of a step from `best_step` or a clearer one in readings without a step.
+    """Compute the probability that readings without a step show by chance a step at least as clear as this.
 
     With z numbers of the step, f independent equations and the log-likelihood gain L of the step, it is
     P(F(z, f) > 2 L / z) by Fisher's F test.
