@@ -157,7 +157,7 @@ There a rotation of one milliradian moves the joints by 20 mrad, more than a deg
 TRANSLATION_RANK_TOLERANCE = 1e-7
 
 
-def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> Array:
+def newton_operator(J: Array, corrected_part: CorrectedPart, spindle_axis: Array) -> Array:
     """Compute the inverse Jacobian G of a Newton step d = G b, which corrects position first, then rotation.
 
     Mathematics: `cor-4`, `cor-5`.
@@ -166,7 +166,7 @@ def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> 
         J: Jacobian of the actuated joints at the tool point, translation first, world axes, (points, 6, n)
             [m/rad, rad/rad].
         corrected_part: Part of the pose to correct.
-        spindle: Unit vector of the spindle, world axes, (points, 3) [1].
+        spindle_axis: Unit vector of the spindle, world axes, (points, 3) [1].
 
     Returns:
         G, from errors b of the pose to motions d of the joints, (points, n, 6) [rad/m, rad/rad]. Its columns
@@ -185,13 +185,13 @@ def newton_operator(J: Array, corrected_part: CorrectedPart, spindle: Array) -> 
     # rotation in the null space Z of J_p; without the component about the spindle where that is free
     Z, turns = Vt[:, r:].swapaxes(1, 2), J[:, 3:]
     if corrected_part == "axis":
-        turns = turns - spindle[:, :, None] * (spindle[:, None] @ turns)
+        turns = turns - spindle_axis[:, :, None] * (spindle_axis[:, None] @ turns)
     # z of least |J_r Z z - (b_r - J_r J_p^+ b_p)|, damped, as columns of G for b_p and b_r
     turning = Z @ _damped(turns @ Z)
     G[:, :, :3] -= turning @ (turns @ position)
     G[:, :, 3:] = turning
     if corrected_part == "axis":
-        G[:, :, 3:] -= (turning @ spindle[:, :, None]) @ spindle[:, None]
+        G[:, :, 3:] -= (turning @ spindle_axis[:, :, None]) @ spindle_axis[:, None]
     return G
 
 

@@ -518,7 +518,7 @@ MIN_DIRECTION_LENGTH = 1e-3
 
 
 def process_wrench(
-    force_components: Array, position: Array, spindle: Array, point_names: Sequence[str] | None = None
+    force_components: Array, position: Array, spindle_axis: Array, point_names: Sequence[str] | None = None
 ) -> Array:
     """Compute process wrenches on the tool, such as of milling, from forces along feed, across and axial.
 
@@ -531,7 +531,7 @@ def process_wrench(
     Args:
         force_components: Forces along the feed, across it, and along the spindle, (points, 3) [N].
         position: Points of the path, world, (points, 3) [m].
-        spindle: Unit vector of the spindle's axis, world, (points, 3) [1].
+        spindle_axis: Unit vector along the spindle, world, (points, 3) [1].
         point_names: Names of the points, for error messages; None for their numbers.
 
     Returns:
@@ -543,10 +543,10 @@ def process_wrench(
     """
     force_components = check_array(force_components, (None, 3), "forces along feed, across, axial [N]")
     position = check_array(position, (len(force_components), 3), "position [m]")
-    spindle = check_array(spindle, (len(force_components), 3), "spindle [1]")
+    spindle_axis = check_array(spindle_axis, (len(force_components), 3), "spindle_axis [1]")
     feed = path_tangents(position, np.asarray(force_components[:, :2].any(axis=1)))
     # Axes at every point: feed, across, spindle.
-    across = np.cross(spindle, feed)
+    across = np.cross(spindle_axis, feed)
     sine = np.linalg.norm(across, axis=1)
     there = sine > MIN_DIRECTION_LENGTH
     across[there] /= sine[there, None]
@@ -561,7 +561,7 @@ def process_wrench(
             place = point_names[bad[0]] if point_names else f"point {bad[0] + 1}"
             raise BenchError(f"{place}: no direction for its {name} force: {why}")
     f = force_components
-    force = f[:, :1] * feed + f[:, 1:2] * across + f[:, 2:] * spindle
+    force = f[:, :1] * feed + f[:, 1:2] * across + f[:, 2:] * spindle_axis
     return np.hstack([force, np.zeros_like(force)])
 
 
