@@ -678,15 +678,20 @@ def _odd_loads(table: TableCells, pose: Ids, wrench: Array) -> list[str]:
     if len(np.unique(pose[loaded])) < MIN_POSES_OF_A_LOAD:
         return []
     load, place = number_rows(wrench[loaded]), number_rows(pose[loaded])
+    acts = np.unique(np.column_stack([load, place]), axis=0)  # which load acts in which pose, once
+    n_poses_of = np.bincount(acts[:, 0])
+    odd = np.flatnonzero(n_poses_of == 1)
+    if len(odd) != 1:
+        return []
+    elsewhere = acts[acts[:, 1] != acts[acts[:, 0] == odd[0], 1]]
+    usual = np.flatnonzero(np.bincount(elsewhere[:, 0], minlength=len(n_poses_of)) == place.max())
     first = loaded[first_rows(load)]
-    acts = np.zeros((len(first), place.max() + 1), dtype=bool)
-    acts[load, place] = True
     words = list[str]()
-    for own in np.flatnonzero(acts.sum(axis=1) == 1):
-        for usual in np.flatnonzero(acts[:, ~acts[own]].all(axis=1))[:1]:
-            here, there = (_load_words(wrench[first[k]]) for k in (own, usual))
-            where = f"pose {pose[first[own]]} (line {table.lines[first[own]]})"
-            words.append(f"warning: only {where} has a load of {here}; all other poses have {there}: a typo?")
+    for k in usual[:1]:
+        row = first[odd[0]]
+        here, there = _load_words(wrench[row]), _load_words(wrench[first[k]])
+        where = f"pose {pose[row]} (line {table.lines[row]})"
+        words.append(f"warning: only {where} has a load of {here}; all other poses have {there}: a typo?")
     return words
 
 

@@ -272,5 +272,5 @@ def test_sizes_of_laws_scatter_as_the_prior_says_whose_scale_is_none_of_theirs(k
     for steps in (0, 1, 2):
         h = np.zeros(len(own.hyperparameter_medians))
         h[own.n_scales + 2 : own.n_scales + 5] = size + steps * LAW_SIZE_PRIOR[1] * np.array([1, 0, 0])
-        losses.append(normal.neg_log_density(normal.rows @ h - normal.offset)[0].sum())
+        losses.append(normal.neg_log_density(normal.coefficients @ h - normal.offset)[0].sum())
     assert np.diff(losses) == pytest.approx([0.5, 1.5])
