@@ -12,10 +12,10 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     A, y = tb.reduce(kinematics, structure, data).weighted_equations
-    expected = structure.entries(prior.C_theta)
+    expected = structure.parameters_of(prior.C_theta)
     moved = A @ expected
     expected = expected * (moved @ y) / (moved @ moved)
-    d = np.sqrt(np.diag(structure.matrix(expected)))
+    d = np.sqrt(np.diag(structure.C_theta_of(expected)))
     size = UNCERTAINTY * d[structure.rows] * d[structure.columns]
     U, s, Vt = np.linalg.svd(A * size, full_matrices=False)
     gain = size[:, None] * Vt.T * (s / (s**2 + 1)) @ U.T

@@ -18,7 +18,7 @@ def estimate(kinematics, structure, data, prior):
     size = (
         d[structure.rows] * d[structure.columns]
     )  # pi = size x, and of block b x ~ N(scale_b expected, scatter_b)
-    expected, block = structure.entries(prior.C_theta) / size, structure.block_of_row[structure.rows]
+    expected, block = structure.parameters_of(prior.C_theta) / size, structure.block_of_row[structure.rows]
     blocks = np.arange(block.max() + 1)[:, None] == block
     H, g = size[:, None] * (A.T @ A) * size, size * (A.T @ y)
     total = y @ y + sum(term.n_equations / 3 * term.unexplained for term in regression.terms)

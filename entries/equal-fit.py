@@ -7,4 +7,4 @@ from testbench.model.structure import template56
 def estimate(kinematics, structure, data, prior):
     """Parameters, (n,)."""
     beams = template56(kinematics.arm)
-    return structure.entries(beams.matrix(tb.completed_least_squares(kinematics, beams, data).pi))
+    return structure.parameters_of(beams.C_theta_of(tb.completed_least_squares(kinematics, beams, data).pi))

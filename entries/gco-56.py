@@ -7,4 +7,4 @@ from testbench.model.structure import template56
 def estimate(kinematics, structure, data, prior):
     """Conservative parameters, (n,)."""
     own = template56(kinematics.arm)
-    return structure.entries(own.matrix(tb.gco(kinematics, own, data).pi))
+    return structure.parameters_of(own.C_theta_of(tb.gco(kinematics, own, data).pi))

@@ -7,4 +7,4 @@ from testbench.model.structure import mgco68
 def estimate(kinematics, structure, data, prior):
     """Conservative parameters, (n,)."""
     own = mgco68(kinematics.arm)
-    return structure.entries(own.matrix(tb.gco(kinematics, own, data).pi))
+    return structure.parameters_of(own.C_theta_of(tb.gco(kinematics, own, data).pi))

@@ -12,4 +12,4 @@ def estimate(kinematics, structure, data, prior):
     if prior is not None:
         return tb.with_prior(method, prior)(kinematics, structure, data).pi
     beams = template56(kinematics.arm)
-    return structure.entries(beams.matrix(method(kinematics, beams, data).pi))
+    return structure.parameters_of(beams.C_theta_of(method(kinematics, beams, data).pi))

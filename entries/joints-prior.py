@@ -9,4 +9,6 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     joints = joints_only(kinematics.arm)
-    return structure.entries(joints.matrix(tb.with_prior(tb.gco, prior)(kinematics, joints, data).pi))
+    return structure.parameters_of(
+        joints.C_theta_of(tb.with_prior(tb.gco, prior)(kinematics, joints, data).pi)
+    )

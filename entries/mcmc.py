@@ -12,7 +12,7 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     A, y = tb.reduce(kinematics, structure, data).weighted_equations
-    expected = structure.entries(prior.C_theta)
+    expected = structure.parameters_of(prior.C_theta)
     d = np.sqrt(np.diag(prior.C_theta))
     size = d[structure.rows] * d[structure.columns]  # pi = size (s e + x)
     e, n, rng = expected / size, structure.n_parameters, np.random.default_rng(0)

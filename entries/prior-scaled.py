@@ -8,6 +8,6 @@ def estimate(kinematics, structure, data, prior):
     if prior is None:
         raise NotImplementedError("needs a prior")
     A, y = tb.reduce(kinematics, structure, data).weighted_equations
-    expected = structure.entries(prior.C_theta)
+    expected = structure.parameters_of(prior.C_theta)
     moved = A @ expected
     return expected * (moved @ y) / (moved @ moved)

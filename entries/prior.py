@@ -5,4 +5,4 @@ def estimate(kinematics, structure, data, prior):
     """What is expected, (n,)."""
     if prior is None:
         raise NotImplementedError("needs a prior")
-    return structure.entries(prior.C_theta)
+    return structure.parameters_of(prior.C_theta)

@@ -6,4 +6,4 @@ from testbench.studies.intervals import ridge
 
 def estimate(kinematics, structure, data, prior):
     """Parameters, (n,)."""
-    return structure.entries(ridge(kinematics, template56(kinematics.arm), data).C_theta)
+    return structure.parameters_of(ridge(kinematics, template56(kinematics.arm), data).C_theta)

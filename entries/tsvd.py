@@ -15,4 +15,4 @@ def estimate(kinematics, structure, data, prior):
     U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
     z = U.T @ y
     kept = (np.abs(z) > 3) & (s > 1e-9 * s[0])  # noise has deviation 1
-    return structure.entries(beams.matrix(Vt[kept].T @ (z[kept] / s[kept]) / scale))
+    return structure.parameters_of(beams.C_theta_of(Vt[kept].T @ (z[kept] / s[kept]) / scale))
