@@ -605,8 +605,8 @@ class Stiffness(Displayed):
 
     #: Compliance C of Eq. (7), twist = C @ wrench, world axes, (poses, 6, 6) [m/N, rad/N, rad/(N m)].
     compliance: Array
-    #: Displacements by a unit force along each principal axis, the largest first, (poses, 3) [m/N]: the
-    #: semi-axes of the ellipsoid of displacements by unit forces.
+    #: Displacements by a unit force along each principal axis, the largest first, (poses, 3) [m/N],
+    #: which are the semi-axes of the ellipsoid of displacements by unit forces.
     displacement_per_force: Array
     principal_axes: Array  #: Directions of the semi-axes as columns, world axes, (poses, 3, 3) [1].
 

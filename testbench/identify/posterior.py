@@ -506,7 +506,7 @@ class ArmModel:
     geometry and joint errors.
     """
 
-    #: Arm with virtual joints theta = theta_0 + C_theta u + Phi(q) n: geometric errors theta_0, loads u
+    #: Arm with virtual joints theta = theta_0 + C_theta u + Phi(q) n, with geometric errors theta_0, loads u
     #: (own weight included), joint errors Phi n.
     state: ArmState
     structure: Structure  #: Structure of the uncertain compliances.
