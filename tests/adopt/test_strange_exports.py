@@ -1,11 +1,15 @@
 """Exports that strangers would bring: each is read to its last digit, or refused in a line that says why."""
 
+import tracemalloc
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from run_here import fine
 from test_kinds_of_files import ARM, DOWN, NAMES, TIMES, N, Q, X, fits, numbers, pairs, read, table
 
 from testbench.errors import InputError
+from testbench.files import columns
 from testbench.files.mapping import FileLayout
 from testbench.files.propose_map import propose
 from testbench.files.read_pairs import read_export
@@ -548,6 +552,19 @@ def test_a_load_that_only_one_pose_has_raises_a_warning(load, warns, tmp_path):
 def test_several_loads_in_many_poses_raise_no_warning(tmp_path):
     export = read_plan(planned(loads=[("100", "200", "300")[k % 3] for k in range(N)]), tmp_path)
     assert not [note for note in export.notes if note.startswith("warning: only")]
+
+
+def test_the_search_for_an_odd_load_takes_memory_of_the_number_of_rows():
+    """Each of 3,000 poses has a load of its own: a table of loads by poses would have 9 MB."""
+    pose = np.arange(3000)
+    wrench = np.zeros((len(pose), 6))
+    wrench[:, 2] = -1.0 - pose
+    lines = SimpleNamespace(lines=pose)
+    tracemalloc.start()
+    assert columns._odd_loads(lines, pose, wrench) == []
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1000 * len(pose)
 
 
 # --- Gauges -------------------------------------------------------------------------------------------------
