@@ -36,8 +36,10 @@ WIDE = 1000  #: Of a figure of a run in the docs [pixel].
 COMMANDS = {
     "demo": "testbench demo --out runs/demo",
     "model": "testbench identify kr500_l480 runs/demo/dataset.csv --out runs/model",
-    "predict": "testbench predict runs/model docs/tasks.csv --load 460 --out runs/predict",
-    "corrected_report": "testbench compensate runs/model docs/program.csv --out runs/corrected.csv",
+    "predict": "testbench predict runs/model docs/tasks.csv --load 460 --out runs/predict --recording",
+    "corrected_report": (
+        "testbench compensate runs/model docs/program.csv --recording --out runs/corrected.csv"
+    ),
     "six_dof_arm": "python scenarios/six_dof_arm.py --seed 1000 --seeds 1 --out runs/six_dof_arm",
     "checked": "testbench check kr500_l480 --out runs/checked",
     "seen": "testbench data check kr500_l480 runs/demo/dataset.csv --out runs/seen",

@@ -26,7 +26,7 @@ from testbench.runs.whole import check_file, claim_folder, whole_files
 from testbench.workflows import program as programs
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.cell import build_cell
-from testbench.workflows.options import ArmCheck, Force, MapFile, Payload, of_flag, plain, takes
+from testbench.workflows.options import ArmCheck, Force, MapFile, Payload, Recording, of_flag, plain, takes
 from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 from testbench.workflows.program_numbers import correction_numbers, correction_warnings
@@ -78,6 +78,7 @@ class CompensateOptions:
         bool, typer.Option("--keep-unreachable", help="Keep unreachable points unchanged.")
     ] = False
     jumps: Annotated[bool, typer.Option("--jumps", help="Accept large steps between points.")] = False
+    recording: Recording = False
     force: Force = False
 
 
@@ -112,12 +113,24 @@ def command(asked: CompensateOptions) -> None:
             # a kill may leave the earlier one
             more = {"corrected": {file.name: digest(part) for file, part in zip(files, parts, strict=True)}}
             run = RunRequest(
-                COMMAND, program.path.name, flags, [arm], PICTURE, more=lambda _: more, draw=_drawn
+                COMMAND,
+                program.path.name,
+                flags,
+                [arm],
+                PICTURE,
+                more=lambda _: more,
+                draw=_drawn,
+                recording=asked.recording,
             )
             write_run(folder, run, said, draw_correction(cell, corrected_program, said))
         places = ", ".join(str(folder / name) for name in WRITTEN)
         out = ", ".join(map(str, files))
-        lines = [*notes, f"corrected  {out}", f"report     {places}", *viewing_lines(folder)]
+        lines = [
+            *notes,
+            f"corrected  {out}",
+            f"report     {places}",
+            *viewing_lines(folder, recording=asked.recording),
+        ]
         print_words(plain_console(), said, [said.tables["worst"]], lines)
     if any(row.verdict == "fail" for row in said.numbers["rows"]):
         raise typer.Exit(1)

@@ -23,6 +23,7 @@ from testbench.workflows.options import (
     Force,
     MapFile,
     Payload,
+    Recording,
     overload_warnings,
     plain,
     takes,
@@ -62,6 +63,7 @@ class PredictOptions:
         typer.Option(min=0.001, max=1e6, metavar="N", help="Force for the map, N (default: the payload)."),
     ] = None
     box: Annotated[str | None, typer.Option(metavar="X0,...,Z1", help="Corners of the map, m.")] = None
+    recording: Recording = False
     force: Force = False
 
 
@@ -78,14 +80,23 @@ def command(asked: PredictOptions) -> None:
         said, flags = report(made), plain(asked, read="poses") | {"model": asked.model.name}
         write = partial(write_predictions, made)
         arms = [model.arm.mjcf_path.parent]
-        run = RunRequest(COMMAND, poses.path.name, flags, arms, PICTURE, more=write, draw=_drawn)
+        run = RunRequest(
+            COMMAND,
+            poses.path.name,
+            flags,
+            arms,
+            PICTURE,
+            more=write,
+            draw=_drawn,
+            recording=asked.recording,
+        )
         write_run(asked.out, run, said, draw_prediction(made, said.numbers["ellipsoids"]))
         places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE, STIFFNESS))
         lines = [
             *(f"- {words}" for words in overload_warnings(model.arm, poses.hung.tolist())),
             f"poses      {asked.out / TABLE}",
             f"report     {places}",
-            *viewing_lines(asked.out, model=asked.model),
+            *viewing_lines(asked.out, recording=asked.recording, model=asked.model),
         ]
         print_words(plain_console(), said, [printed(said)], lines)
 

@@ -376,6 +376,7 @@ class RunRequest:
     map: str = ""  #: Title of error_map.png, empty for none.
     #: Draws the figures, by name, in place of the overview, which is `picture`; None for the overview.
     draw: Draw | None = None
+    recording: bool = True  #: Whether the run leaves a recording.
 
 
 def write_run(out: Path, run_request: RunRequest, report: Report, page: PageContent) -> None:
@@ -414,17 +415,10 @@ def _views(
     _shorten_matplotlib_docstrings()
     from testbench.report.figure import save  # here: matplotlib and rerun take half a second, and not
     from testbench.report.page import write_page  # every command leaves a folder
-    from testbench.report.recording.run import write_run
-    from testbench.report.recording.stream import RecordingHeader
     from testbench.report.run_figure import error_map, overview, silhouette
 
     tables = page.tables or [table for table in report.tables.values() if table.rows]
     drawn = typical_first(replace(page, tables=tables))
-    header = RecordingHeader(
-        run_request.command,
-        json.dumps(run_request.flags, sort_keys=True),
-        next(iter(run_request.seeds), 0),
-    )
 
     def write_figures() -> None:
         asked = run_request.draw
@@ -432,9 +426,17 @@ def _views(
         for name, figure in figures.items():
             save(figure, folder / name)
 
+    def write_recording() -> None:
+        from testbench.report.recording.run import write_run
+        from testbench.report.recording.stream import RecordingHeader
+
+        flags = json.dumps(run_request.flags, sort_keys=True)
+        header = RecordingHeader(run_request.command, flags, next(iter(run_request.seeds), 0))
+        write_run(folder / "recording.rrd", header, report, drawn, {})
+
     views: list[Callable[[], object]] = [
         write_figures,
-        lambda: write_run(folder / "recording.rrd", header, report, drawn, {}),
+        *([write_recording] if run_request.recording else []),
         lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
     ]
     if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):

@@ -179,20 +179,24 @@ def print_statements(console: Console, words: ReportWords, where: str = MORE) ->
         console.print(f" {count} more note{'s'[: count > 1]} {where}")
 
 
-def viewing_lines(out: Path, given: Sequence[Path] = (), **known: str | Path) -> list[str]:
+def viewing_lines(
+    out: Path, given: Sequence[Path] = (), *, recording: bool = True, **known: str | Path
+) -> list[str]:
     """Say where page and recording of a run are, how to open them, and what comes next.
 
     Args:
         out: Folder of the results.
         given: Readings that a plan was made beside.
+        recording: Whether the run left a recording.
         known: See `next_lines`.
 
     Returns:
         Lines.
     """
+    opened = f"recording  {out / 'recording.rrd'}; open it with: testbench view {shell_word(out)}"
     return [
         f"page       {out / 'report.html'}: opens in any browser",
-        f"recording  {out / 'recording.rrd'}; open it with: testbench view {shell_word(out)}",
+        *([opened] if recording else []),
         *next_lines(out, given, **known),
     ]
 

@@ -310,6 +310,7 @@ def _own(project: Project, path: Path) -> FileSettings | None:
 
 D = TypeVar("D")
 Force = Annotated[bool, typer.Option("--force", help="Replace what another command wrote.")]
+Recording = Annotated[bool, typer.Option("--recording", help="Write recording.rrd for the Rerun viewer too.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
 QUIET = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
 Print = Annotated[

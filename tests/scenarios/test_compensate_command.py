@@ -68,7 +68,12 @@ def bounded(folder, asked, tmp_path_factory, legible):
     out = tmp_path_factory.mktemp("bounded")
     with legible():
         fine(
-            "compensate", folder / "sure", joints_csv(out / "mill.csv", asked[0]), "--out", out / "right.csv"
+            "compensate",
+            folder / "sure",
+            joints_csv(out / "mill.csv", asked[0]),
+            "--out",
+            out / "right.csv",
+            "--recording",
         )
     return out
 
@@ -108,7 +113,7 @@ def corrected(kr500, folder, asked, tmp_path_factory):
     out = tmp_path_factory.mktemp("corrected")
     source = joints_csv(out / "mill.csv", asked[0])
     tip = ("--tip", ",".join(map(str, TIP)))
-    return out, fine("compensate", folder / "true", source, "--out", out / "right.csv", *tip)
+    return out, fine("compensate", folder / "true", source, "--out", out / "right.csv", "--recording", *tip)
 
 
 def test_the_true_arm_executes_the_corrected_file_within_a_micrometre(kr500, corrected, asked):
@@ -346,7 +351,8 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
     assert {c.entity_path for c in chunks if c.entity_path.startswith("/charts")} == {
         f"{OFF}/{name}" for name in within
     }
-    unseen = fine("compensate", folder / "joints", bounded / "mill.csv", "--out", tmp_path / "right.csv")
+    flags = ("--out", tmp_path / "right.csv", "--recording")
+    unseen = fine("compensate", folder / "joints", bounded / "mill.csv", *flags)
     assert unseen.startswith("Do not use the corrected program: the correction may make the error larger")
     chunks = sound(tmp_path / "right_report" / "recording.rrd", "12 points have no bound")
     assert np.isnan(series(chunks, f"{OFF}/corrected_program_95")).all()

@@ -63,7 +63,7 @@ def made(model, q, legible):
     out = model.parent / "out"
     file = poses_file(model.parent / "poses.csv", q, rows)
     with legible():
-        return out, fine("predict", model, file, "--push", 1000, "--out", out)
+        return out, fine("predict", model, file, "--push", 1000, "--out", out, "--recording")
 
 
 def test_every_pose_and_point_is_what_the_library_says_and_holds_the_truth(kr500, model, made, q):
@@ -217,6 +217,16 @@ def test_of_a_corrected_program_the_joints_count_not_the_poses_beside_them(kr500
     found = read_pose_file(file, tb.load_model(model), None, MASS)
     assert np.array_equal(found.q, moved)
     assert "corrected" in found.notes[-1]
+
+
+def test_a_recording_is_written_when_it_is_asked_for(made, model, tmp_path, q):
+    assert (made[0] / "recording.rrd").is_file()
+    file = poses_file(tmp_path / "poses.csv", q[:2], [f"0,0,0,{MASS}"] * 2)
+    said = fine("predict", model, file, "--out", tmp_path / "out")
+    assert "testbench view" not in said
+    assert "report.html" in said
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.rrd")) == []
+    refused("view", tmp_path / "out", said="predict and compensate leave one with --recording")
 
 
 def test_a_model_of_own_weight_alone_has_no_ratio_of_loads_and_says_so(model, tmp_path, q):

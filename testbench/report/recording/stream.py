@@ -196,7 +196,10 @@ def newest(folder: Path) -> Path:
         paths = [file for there in ("*.rrd", "*/*.rrd") for file in folder.glob(there)]
         paths = [file for file in paths if file.is_file()]  # a pipe of that name has no end
     if not paths:
-        raise BenchError(f"no recording (*.rrd) in {folder}: expected the --out folder of a command or study")
+        raise BenchError(
+            f"no recording (*.rrd) in {folder}: expected the --out folder of a command or study; "
+            "predict and compensate leave one with --recording"
+        )
     file = max(paths, key=lambda file: file.stat().st_mtime).absolute()
     with file.open("rb") as opened:
         if opened.read(len(BEGINS)) != BEGINS:
