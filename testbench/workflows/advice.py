@@ -1,7 +1,5 @@
 """An estimate as the row of a table, and advice on it: what filled free directions, doubts, outliers."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from testbench.identify.conic import TIE_BREAK_WEIGHT, total_trace
@@ -18,6 +16,12 @@ NEAREST = (
     "in directions that no reading determines, least squares chooses the conservative model nearest to the "
     "solution of minimum norm"
 )
+AVERAGED = {
+    "joints_only_weight": "Joints-only",
+    "joint_laws_weight": "joints with stiffening, backlash or friction",
+    "joint_couplings_weight": "coupled joints",
+}
+"""Words for the models that an estimate may average, by the names of their weights in `ModelAverage`."""
 
 
 def fit_row(name: str, estimate: Estimate, seconds: float | None, *, prior: bool = False) -> FitRow:
@@ -139,36 +143,12 @@ def of_prior(weighted_prior: WeightedPrior) -> str:
 
 
 def of_average(average: ModelAverage | None) -> list[str]:
-    """Say how much joints alone count, or laws of the joints; nothing where neither does."""
-    if average is None or not (
-        average.joint_laws_weight or average.joints_only_weight or average.joint_couplings_weight
-    ):
-        return []
-    if average.joints_only_weight == 1:
-        return ["link compliances hardly improve the model, so its links are rigid, as in Joints-only"]
-    if average.joint_couplings_weight == 1:
-        return ["the evidence favours coupled joints"]
-    if average.joint_couplings_weight:
-        said = (
-            "by their evidence, coupled joints have a weight of "
-            f"{100 * average.joint_couplings_weight:.3g} % in the average"
-        )
-        return [said, *of_average(replace(average, joint_couplings_weight=0.0))]
-    if average.joint_laws_weight == 1:
-        return ["the evidence favours joints with stiffening, backlash or friction"]
-    if average.joint_laws_weight:
-        laws, linear = (
-            f"{100 * x:.3g} %" for x in (average.joint_laws_weight, 1 - average.joint_laws_weight)
-        )
-        return [
-            f"the estimate averages two models: linear joints ({linear}), and joints with stiffening, "
-            f"backlash or friction ({laws})"
-        ]
-    share = f"{100 * average.joints_only_weight:.3g} %"
-    if average.joints_only_weight > 0.5:
-        why = "link compliances hardly improve the model"
-        return [f"{why}, so Joints-only has a weight of {share} in the average"]
-    return [f"the estimate is an average, in which Joints-only has a weight of {share}"]
+    """Say which models count beside that of links and joints, with their weights; nothing where none does."""
+    weights = {} if average is None else {words: getattr(average, key) for key, words in AVERAGED.items()}
+    counted = ", ".join(f"{words} {100 * weight:.3g} %" for words, weight in weights.items() if weight)
+    return (
+        [f"the estimate is an average of models by their evidence; it contains {counted}"] if counted else []
+    )
 
 
 def _of_outliers(estimate: Estimate) -> list[str]:

@@ -427,7 +427,6 @@ def test_where_links_are_rigid_the_default_is_joints_alone(kr500, rigid):
     ours, theirs = errors(kr500, rigid, found, gco(kr500.vjm, joints_only(kr500.arm), rigid.identification))
     assert found.averaged_models.joints_only_weight > 0.75
     [said] = of_average(found.averaged_models)
-    assert said.startswith("link compliances hardly improve the model, so ")
     assert "Joints-only" in said
     assert ours < 1.05 * theirs
 
