@@ -8,5 +8,5 @@ def identified(cell, model, runs, folder):
     folder.mkdir()
     own = MeasuredRuns("runs.csv", runs, runs, None)
     found = fit_models(cell, [model], own, lambda: 0.0)
-    write_stiffness(cell, found, own, {"runs.csv": "0" * 64}, folder)
+    write_stiffness(cell, found, {"runs.csv": "0" * 64}, folder)
     return found.taken

@@ -125,7 +125,7 @@ def command(readings: ReadingOptions, asked: IdentifyOptions, tried: EstimatorOp
 
         def more(folder: Path) -> None:
             files.write_json(plain_data(identified.fits), folder / FITS)
-            write_stiffness(cell, identified, identified.runs, flags["dataset"], folder)  # type: ignore[arg-type]
+            write_stiffness(cell, identified, flags["dataset"], folder)  # type: ignore[arg-type]
 
         moment = f" and {f.map.moment_Nm:.0f} N m" if f.map and f.map.moment_Nm >= 0.5 else ""
         title = f"{f.arm} under {f.map.force_N:.0f} N{moment}" if f.map else ""

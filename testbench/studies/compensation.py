@@ -466,14 +466,14 @@ def _identified(
                 )
             )
     for way, runs in campaigns.items():
-        chosen_model = choose_model(cell, runs, prior)
+        name, estimate = choose_model(cell, runs, prior)
         correction_models.append(
             CorrectionModel(
                 way,
                 DEFAULT,
-                model_of_estimate(cell.vjm, chosen_model.estimate, weights),
-                chosen_model.name,
-                chosen_model.estimate.status,
+                model_of_estimate(cell.vjm, estimate, weights),
+                name,
+                estimate.status,
             )
         )
     return correction_models

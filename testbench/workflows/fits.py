@@ -29,7 +29,6 @@ from testbench.identify.prior import LearntScale, WeightedPrior, scale_by_prior
 from testbench.identify.regression import (
     ZERO_COLUMN_TOLERANCE,
     GroupedRegression,
-    Regression,
     with_rows_by_pose,
 )
 from testbench.model.laws import law_sizes, law_unit, vjm_for_structure
@@ -37,7 +36,7 @@ from testbench.model.load import read_body_masses_with_note
 from testbench.model.vjm import evaluate_chain, generalised_load
 from testbench.progress import stepwise
 from testbench.runs.rows import Row, finite
-from testbench.workflows.advice import advice, fit_row
+from testbench.workflows.advice import advice, fit_row, of_average
 from testbench.workflows.arm_models import loads_about_tool, origin_of, write_files
 from testbench.workflows.cell import Cell
 from testbench.workflows.models import (
@@ -47,7 +46,6 @@ from testbench.workflows.models import (
     default_name,
     failed_row,
     fit_model,
-    reason_for,
     recommend,
     reduce_runs,
 )
@@ -105,16 +103,12 @@ class IdentifyResult:
 
 
 @dataclass(frozen=True)
-class FittedModels:
-    """Hold models fitted to runs; one entry per model."""
+class FittedModel:
+    """Hold a model fitted to runs."""
 
-    runs: MeasuredRuns
-    models: Sequence[Model]
-    estimates: Sequence[Estimate]
-    seconds: Sequence[float]  #: Of the fit; the runs were reduced for all models before.
-    used: Sequence[DeflectionErrors]  #: Errors on the runs that were fitted.
-    check: Sequence[DeflectionErrors | None]  #: On those held back.
-    taken: Recommendation
+    model: Model
+    estimate: Estimate
+    seconds: float  #: Of the fit; the runs were reduced for all models before.
 
 
 def fit_models(
@@ -141,39 +135,39 @@ def fit_models(
     """
     try:
         models, still = _moved(cell, models, runs.used)
-        fitted_models, lost = _working(cell, models, replace(runs, notes=(*runs.notes, *still)), clock)
+        fitted, taken, lost = _fit_all(cell, models, runs.used, clock)
     except BenchError as err:
         raise BenchError("; ".join([*(doubt.sentence for doubt in runs.doubts), str(err)])) from err
-    taken = fitted_models.taken
-    runs, shown = _shown_runs(fitted_models.runs) if widths else (fitted_models.runs, None)
-    every = [
-        (m.name, estimate) for m, estimate in zip(fitted_models.models, fitted_models.estimates, strict=True)
-    ]
-    estimates = dict(every)
+    runs = replace(runs, notes=(*runs.notes, *still))
+    runs, shown = _shown_runs(runs) if widths else (runs, None)
+    estimates = {one.model.name: one.estimate for one in fitted}
     # beside a prior, intervals that count noise alone would look the surest
-    plain = all(estimate.weighted_prior is None for estimate in fitted_models.estimates)
-    sure = [widths and (plain or e.weighted_prior is not None or name == taken.name) for name, e in every]
+    plain = all(estimate.weighted_prior is None for estimate in estimates.values())
+    sure = [
+        widths and (plain or estimate.weighted_prior is not None or name == taken.name)
+        for name, estimate in estimates.items()
+    ]
     fits = Row(
         dataset=runs.name,
         arm=cell.arm.name,
         runs=runs.used.n_runs,
         poses=len(np.unique(runs.used.pose_id)),
         models=tuple(
-            _fit(cell, fitted_models, k, shown if wanted else None)
-            for k, wanted in enumerate(stepwise(sure, "intervals"))
+            _fit(cell, one, runs, shown if wanted else None)
+            for one, wanted in zip(fitted, stepwise(sure, "intervals"), strict=True)
         ),
         recommended=taken.name,
-        why=reason_for(taken, estimates[taken.name]),
+        why="; ".join([taken.why, *of_average(estimates[taken.name].averaged_models)]),
         held_out=[
             Row(name=c.model_name, f_m=c.mean_error, standard_error=c.standard_error)
             for c in taken.candidates
         ],
         doubts=(
             *runs.doubts,
-            *of_noise(fitted_models.estimates),
+            *of_noise(estimates.values()),
             *_of_prior(estimates, taken.name, default_name(cell.arm)),
         ),
-        unchecked=_unchecked(cell, next(m for m in fitted_models.models if m.name == taken.name), estimates),
+        unchecked=_unchecked(cell, next(m for m in models if m.name == taken.name), estimates),
         notes=runs.notes,
         registration=runs.registration,
         scale=runs.scale,
@@ -216,60 +210,41 @@ def _moved(cell: Cell, models: Sequence[Model], data: Dataset) -> tuple[Sequence
     return moved, [f"{name} is left out: no load deflects its links and joints" for name in still]
 
 
-def _working(
-    cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clock
-) -> tuple[FittedModels, list[EstimatorFailed]]:
-    """What is found without estimators of one's own that fail, and those.
+def _fit_all(
+    cell: Cell, models: Sequence[Model], data: Dataset, clock: Clock
+) -> tuple[list[FittedModel], Recommendation, list[EstimatorFailed]]:
+    """Fit models and choose one, without the estimators of users that fail; name these.
 
     Raises:
-        BenchError: When no model is left.
+        BenchError: When a method cannot fit its structure, or no model is left.
     """
-    lost: list[EstimatorFailed] = []
-    own: dict[str, tuple[Estimate, float]] = {}
-    for model in (model for model in models if not _plain(model)):
-        start = clock()
-        try:
-            own[model.name] = (fit_model(cell, model, runs.used), clock() - start)
-        except EstimatorFailed as err:
-            lost.append(err)
-    while True:
-        models = [model for model in models if model not in [err.model for err in lost]]
-        if not models:
-            raise BenchError("; ".join(map(str, lost)))
-        try:
-            return _fit_all(cell, models, runs, clock, own), lost
-        except EstimatorFailed as err:  # in runs of which some are held out
-            lost.append(err)
-
-
-Own = Mapping[str, tuple[Estimate, float]]  #: What is fitted already, and its time [s], by name.
-
-
-def _fit_all(cell: Cell, models: Sequence[Model], runs: MeasuredRuns, clock: Clock, own: Own) -> FittedModels:
-    """Fit, judge and choose models; BenchError when a method cannot fit its structure."""
-    estimates, seconds = [], []
-    reduced = reduce_runs(cell, models, runs.used)
+    reduced = reduce_runs(cell, models, data)
+    fitted, lost = [], []
     for model in stepwise(models, "fitting models"):
         start = clock()
-        if plain := _plain(model):
-            readings: GroupedRegression | Regression = reduced.parts[model.structure.name]
-            if isinstance(readings, GroupedRegression) and not plain.learns_trace_weight:
-                readings = with_rows_by_pose(cell.vjm, readings.to_regression(), runs.used)
-            estimate = plain.fit_reduced(cell.vjm, readings)
-            spent = clock() - start
+        try:
+            estimate = _estimate(cell, model, data, reduced[model.structure.name])
+        except EstimatorFailed as err:
+            lost.append(err)
         else:
-            estimate, spent = own[model.name]
-        estimates.append(estimate)
-        seconds.append(spent)
-    used = [_errors(cell, each, runs.used) for each in estimates]
-    check = [None if runs.check is None else _errors(cell, each, runs.check) for each in estimates]
-    return FittedModels(runs, models, estimates, seconds, used, check, recommend(cell, models, reduced))
+            fitted.append(FittedModel(model, estimate, clock() - start))
+    while fitted:
+        try:
+            return fitted, recommend(cell, [one.model for one in fitted], data, reduced), lost
+        except EstimatorFailed as err:  # in runs of which some are held out
+            lost.append(err)
+            fitted = [one for one in fitted if one.model is not err.model]
+    raise BenchError("; ".join(map(str, lost)))
 
 
-def _plain(model: Model) -> Method | None:
-    """Its method, where that needs no more than what the runs were reduced to."""
+def _estimate(cell: Cell, model: Model, data: Dataset, reduced: GroupedRegression) -> Estimate:
+    """Fit a model, to the reduced runs if its method needs no more."""
     method = model.estimator
-    return method if isinstance(method, Method) and method.loss == "plain" else None
+    if not isinstance(method, Method) or method.loss != "plain":
+        return fit_model(cell, model, data)
+    if method.learns_trace_weight:
+        return method.fit_reduced(cell.vjm, reduced)
+    return method.fit_reduced(cell.vjm, with_rows_by_pose(cell.vjm, reduced.to_regression(), data))
 
 
 def _errors(cell: Cell, estimate: Estimate, data: Dataset) -> DeflectionErrors:
@@ -296,21 +271,21 @@ def _unchecked(cell: Cell, taken: Model, estimates: Mapping[str, Estimate]) -> U
     return undetermined_compliances(regression, scale_by_prior(method.prior, cell.vjm, regression.structure))
 
 
-def _fit(cell: Cell, fitted_models: FittedModels, k: int, widest: Dataset | None) -> Row:
+def _fit(cell: Cell, fitted: FittedModel, runs: MeasuredRuns, widest: Dataset | None) -> Row:
     """A model; where runs are given with intervals of its predictions there.
 
     A joint that is counted in the link before it has no compliance. Laws are half widths of backlash and
     friction [rad, m], and the share by which a joint is stiffer when its spring is turned by a milliradian (a
     slide: a millimetre) [1].
     """
-    estimate, check = fitted_models.estimates[k], fitted_models.check[k]
-    prior = fitted_models.models[k].filled or estimate.weighted_prior is not None
+    estimate = fitted.estimate
+    prior = fitted.model.filled or estimate.weighted_prior is not None
     blocks = (estimate.C_theta[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] for i in range(len(cell.arm.links)))
     return Row(
-        vars(fit_row(fitted_models.models[k].name, estimate, fitted_models.seconds[k], prior=prior)),
+        vars(fit_row(fitted.model.name, estimate, fitted.seconds, prior=prior)),
         equations=estimate.regression.n_equations,
-        identification=error_row(fitted_models.used[k]),
-        check=None if check is None else error_row(check),
+        identification=error_row(_errors(cell, estimate, runs.used)),
+        check=None if runs.check is None else error_row(_errors(cell, estimate, runs.check)),
         intervals=None if widest is None else _intervals(cell, estimate, widest),
         learnt=estimate.weighted_prior is not None
         and estimate.weighted_prior.hyperparameter_effect is not None,
@@ -363,20 +338,17 @@ def _intervals(cell: Cell, estimate: Estimate, data: Dataset) -> Row:
     )
 
 
-def write_stiffness(
-    cell: Cell, identified: IdentifyResult, runs: MeasuredRuns, data: Mapping[str, str], folder: Path
-) -> None:
+def write_stiffness(cell: Cell, identified: IdentifyResult, data: Mapping[str, str], folder: Path) -> None:
     """Write the recommended model into a folder that exists.
 
     Args:
         cell: The arm with its model and its truth.
         identified: The fits.
-        runs: The measured runs.
         data: SHA-256 of every file of readings, by name.
         folder: The folder.
     """
     fits = identified.fits
-    estimate = identified.taken
+    estimate, runs = identified.taken, identified.runs
     used = runs.used
     model, notes = cell.model(estimate), read_body_masses_with_note(cell.arm)[1]
     doubts = [*(doubt.sentence for doubt in fits.doubts), *notes]

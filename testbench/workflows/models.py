@@ -22,7 +22,7 @@ from testbench.arm.elastic import rotated_compliance
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset, select_runs
 from testbench.display import Displayed
-from testbench.errors import Array, BenchError, Ids, check_type
+from testbench.errors import Array, BenchError, check_type
 from testbench.identify.estimate import Estimate, Estimator, make_estimate
 from testbench.identify.method import Method, completed_least_squares, gco, least_squares, with_prior
 from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, perturb_prior
@@ -58,7 +58,6 @@ from testbench.model.structure import JOINTS_ONLY as JOINTS_ONLY
 from testbench.model.vjm import Vjm
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
-from testbench.workflows.advice import of_average
 from testbench.workflows.cell import Cell
 from testbench.workflows.model_names import EQUAL_FIT, FILLED
 from testbench.workflows.rows import FAILED, FitRow
@@ -322,15 +321,6 @@ class Recommendation:
     candidates: tuple[HeldOutErrors, ...]  #: Errors of all models on what was held out; empty with one pose.
 
 
-@dataclass(frozen=True)
-class ChosenModel:
-    """Hold the model that is taken by default."""
-
-    name: str
-    estimate: Estimate
-    why: str  #: A sentence.
-
-
 def default_models(
     cell: Cell, prior: Prior | None, uncertainty: PriorUncertainty | None = None
 ) -> list[Model]:
@@ -423,7 +413,7 @@ def _with_prior(arm: Arm, model: Model, prior: Prior, uncertainty: PriorUncertai
     return Model(f"{model.name}{FILLED}", structure, method)
 
 
-def choose_model(cell: Cell, data: Dataset, prior: Prior) -> ChosenModel:
+def choose_model(cell: Cell, data: Dataset, prior: Prior) -> tuple[str, Estimate]:
     """Choose the default, or joints alone where these predict what is held out clearly better.
 
     Args:
@@ -432,43 +422,19 @@ def choose_model(cell: Cell, data: Dataset, prior: Prior) -> ChosenModel:
         prior: The prior.
 
     Returns:
-        The model with its estimate.
+        Name of the model, and its estimate.
     """
     models = [
         *named_models(cell, (JOINTS_ONLY,)),
         *with_priors(cell.arm, named_models(cell, (ALL_UNKNOWNS,)), prior),
     ]
-    recommendation = recommend(cell, models, data)
-    [model] = [m for m in models if m.name == recommendation.name]
-    estimate = fit_model(cell, model, data)
-    return ChosenModel(model.name, estimate, reason_for(recommendation, estimate))
+    name = recommend(cell, models, data, reduce_runs(cell, models, data)).name
+    [model] = [m for m in models if m.name == name]
+    return name, fit_model(cell, model, data)
 
 
-def reason_for(recommendation: Recommendation, estimate: Estimate) -> str:
-    """Say why a model is taken, and how much other models count in it.
-
-    Args:
-        recommendation: The recommendation.
-        estimate: The estimate.
-
-    Returns:
-        One sentence.
-    """
-    return "; ".join([recommendation.why, *of_average(estimate.averaged_models)])
-
-
-@dataclass(frozen=True)
-class ReducedRuns:
-    """Hold runs to fit, reduced once for all models, in parts of which some are held out in turn."""
-
-    data: Dataset  #: Those that are held, for estimators of one's own.
-    poses: int  #: All are in.
-    part: Ids  #: Of every run, `cross_validation_groups`.
-    parts: Mapping[str, GroupedRegression]  #: By the name of the structure.
-
-
-def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRuns:
-    """Reduce runs for the structures of models.
+def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> dict[str, GroupedRegression]:
+    """Reduce runs once for all models, in parts of which some are held out in turn.
 
     Args:
         cell: The arm with its model and its truth.
@@ -476,15 +442,16 @@ def reduce_runs(cell: Cell, models: Sequence[Model], data: Dataset) -> ReducedRu
         data: Measured runs.
 
     Returns:
-        The reduced runs.
+        The reduced runs by the name of the structure.
     """
     structures = {m.structure.name: m.structure for m in models}
-    part = cross_validation_groups(data)
-    parts = reduce_by_group(cell.vjm, list(structures.values()), data, part)
-    return ReducedRuns(data, len(np.unique(data.pose_id)), part, dict(zip(structures, parts, strict=True)))
+    parts = reduce_by_group(cell.vjm, list(structures.values()), data, cross_validation_groups(data))
+    return dict(zip(structures, parts, strict=True))
 
 
-def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) -> Recommendation:
+def recommend(
+    cell: Cell, models: Sequence[Model], data: Dataset, reduced: Mapping[str, GroupedRegression]
+) -> Recommendation:
     """Recommend the default, or the smallest model if it is not there, unless beaten on what is held out.
 
     The default can be beaten by joints alone only; what else was fitted stands beside it to compare. Outliers
@@ -493,19 +460,19 @@ def recommend(cell: Cell, models: Sequence[Model], runs: Dataset | ReducedRuns) 
     Args:
         cell: The arm with its model and its truth.
         models: The models.
-        runs: The runs, reduced or not.
+        data: Measured runs.
+        reduced: The same reduced, `reduce_runs`.
 
     Returns:
         The recommendation.
     """
-    runs = runs if isinstance(runs, ReducedRuns) else reduce_runs(cell, models, runs)
-    default = default_name(cell.arm)
+    poses, default = len(np.unique(data.pose_id)), default_name(cell.arm)
     first = min(models, key=lambda m: (m.name != default, m.structure.n_parameters))
-    if runs.poses < MIN_POSES or len(models) == 1:
+    if poses < MIN_POSES or len(models) == 1:
         few = f"with fewer than {MIN_POSES} poses, no pose is held out to compare models"
-        why = few if runs.poses < MIN_POSES else "no other model was fitted"
+        why = few if poses < MIN_POSES else "no other model was fitted"
         return Recommendation(first.name, why, ())
-    every = tuple(HeldOutErrors(m.name, _errors(cell, m, runs)) for m in models)
+    every = tuple(HeldOutErrors(m.name, _errors(cell, m, data, reduced[m.structure.name])) for m in models)
     rivals = [c for c in every if first.name != default or c.model_name in (default, JOINTS_ONLY)]
     duel = keep_first_unless_beaten(rivals, first.name)
     return Recommendation(duel.selected_name, _why(duel, first.name, default), every)
@@ -522,17 +489,17 @@ def _why(duel: ModelComparison, first: str, default: str) -> str:
     )
 
 
-def _errors(cell: Cell, model: Model, runs: ReducedRuns) -> Array:
+def _errors(cell: Cell, model: Model, data: Dataset, reduced: GroupedRegression) -> Array:
     """F_M on what is held out, (folds,) [1]; an estimator of one's own sees the other runs as they are."""
-    method = model.estimator
+    method, part = model.estimator, cross_validation_groups(data)
 
     def fit(fold: Fold) -> Array:
         if isinstance(method, Method):
             pi = method.fit_reduced(cell.vjm, fold.fitted_equations, for_intervals=False).pi
             return np.pad(pi, (0, model.structure.n_parameters - len(pi)))  # laws are last
-        return fit_model(cell, model, select_runs(runs.data, np.isin(runs.part, fold.fitted_groups))).pi
+        return fit_model(cell, model, select_runs(data, np.isin(part, fold.fitted_groups))).pi
 
-    held = folds(runs.parts[model.structure.name])
+    held = folds(reduced)
     return np.array([f_m(fold.held_out_regression, fit(fold)) for fold in stepwise(held, "cross-validating")])
 
 

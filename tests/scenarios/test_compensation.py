@@ -20,7 +20,7 @@ from testbench.runs.rows import trial_rng
 from testbench.studies import compensation, panel
 from testbench.studies.compensation import ADVISED, BOTH, DEFAULT, IDEAL, PERFECT, REAL
 from testbench.workflows.cell import build_cell
-from testbench.workflows.models import ChosenModel, named_models, with_priors
+from testbench.workflows.models import named_models, with_priors
 
 APP = app_of_study("compensation")
 
@@ -34,7 +34,7 @@ def first_poses(spec, _criterion, q, *_):
 def undisputed(cell, data, prior):
     """The default without rivals: that these are beaten is tested elsewhere."""
     [model] = with_priors(cell.arm, named_models(cell, ["ALL153"]), prior)
-    return ChosenModel(model.name, model.estimator(cell.vjm, model.structure, data), "")
+    return model.name, model.estimator(cell.vjm, model.structure, data)
 
 
 LESS = {

@@ -77,7 +77,7 @@ def test_intervals_are_judged_against_the_truth_component_by_component(kr500):
     """Columns of the truth that are exchanged, or moved by ten half widths, are not covered."""
     asked = FamilySettings("kr500_l480", 2, workspace=40)
     campaign = simulate_at(kr500, scenario(asked), 2, draw_poses(kr500, scenario(asked), 2))
-    estimate = choose_model(kr500, read(campaign)[-1], cad_prior(kr500.arm)).estimate
+    _, estimate = choose_model(kr500, read(campaign)[-1], cad_prior(kr500.arm))
     right, truth = cover(kr500, estimate, campaign.truth), campaign.truth
     assert right.covered_percent > 90
     exchanged = replace(truth, before=truth.before[..., [2, 1, 0]], after=truth.after[..., [2, 1, 0]])

@@ -181,12 +181,10 @@ def _rows(
     """What is chosen by default and every method, from few and from many poses, in one truth."""
     chosen = [choose_model(cell, case.runs, prior) for case in cases]
     found = fitted(cell, models, cases)
-    fits = Fits(
-        {CHOSEN: [chosen_model.estimate for chosen_model in chosen], **found}, found.seconds, found.filled
-    )
+    fits = Fits({CHOSEN: [estimate for _, estimate in chosen], **found}, found.seconds, found.filled)
     truth, far = cases[0].test, PRIORS[str(cases[0].factors["prior_error"])].far
     link = wrong_link(cell, seed) if far == "link" else None
-    share = None if link is None else _share(cell, link, truth, chosen[0].estimate)
+    share = None if link is None else _share(cell, link, truth, chosen[0][1])
 
     def more(name: str, k: int) -> dict[str, object]:
         estimate = fits[name][k]
@@ -197,7 +195,7 @@ def _rows(
             if link is None
             else cell.arm.links[link].name,
             "link_share": share,
-            "chosen": chosen[k].name if name == CHOSEN else None,
+            "chosen": chosen[k][0] if name == CHOSEN else None,
             "cover": cover(cell, estimate, truth) if name in COVERED else None,
             "doubted": _doubted(cell, link, estimate, prior) if name == CHOSEN else None,
         }
