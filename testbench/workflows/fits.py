@@ -165,7 +165,7 @@ def fit_models(
         doubts=(
             *runs.doubts,
             *of_noise(estimates.values()),
-            *_of_prior(estimates, taken.name, default_name(cell.arm)),
+            *_of_prior(estimates, taken.name, default_name(cell)),
         ),
         unchecked=_unchecked(cell, next(m for m in models if m.name == taken.name), estimates),
         notes=runs.notes,

@@ -13,7 +13,6 @@ better, they are taken.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from string import digits
 from typing import Literal
 
 import numpy as np
@@ -42,9 +41,8 @@ from testbench.identify.trace import (
     keep_first_unless_beaten,
 )
 from testbench.model.laws import add_coupling_parameters, add_law_parameters
+from testbench.model.structure import JOINTS_ONLY as JOINTS_ONLY
 from testbench.model.structure import (
-    BEAM_ENTRIES,
-    FULL_ENTRIES,
     Structure,
     all153,
     joints_only,
@@ -54,7 +52,6 @@ from testbench.model.structure import (
     mgco147,
     template56,
 )
-from testbench.model.structure import JOINTS_ONLY as JOINTS_ONLY
 from testbench.model.vjm import Vjm
 from testbench.progress import stepwise
 from testbench.runs.rows import trial_rng
@@ -137,15 +134,12 @@ LEVEL = 1e-9  #: Of a direction's upward part: rounding.
 ALL_UNKNOWNS = "ALL"  #: Of any arm the model of all links and joints, whatever its count.
 
 
-def arm_model_names(arm: Arm) -> dict[str, str]:
+def arm_model_names(cell: Cell) -> dict[str, str]:
     """Map the names of an arm's models to their kinds, keys of `MODELS`."""
-    if arm.n_joints == PAPERS_JOINTS:
+    if cell.arm.n_joints == PAPERS_JOINTS:
         return {name: name for name in MODELS}
-    full, single = len(FULL_ENTRIES) * len(arm.links), len(BEAM_ENTRIES) * len(arm.links)
-    counts = ("", single, single, full, full + arm.n_joints)
-    names = (f"{kind.rstrip(digits)}{count}" for kind, count in zip(ANY_ARM, counts, strict=True))
-    found = dict(zip(names, ANY_ARM, strict=True))
-    return found if arm.joints else {name: kind for name, kind in found.items() if kind != JOINTS_ONLY}
+    kinds = [kind for kind in ANY_ARM if cell.arm.joints or kind != JOINTS_ONLY]
+    return {MODELS[kind](cell).name: kind for kind in kinds}
 
 
 def arm_model_name(cell: Cell, kind: str) -> str | None:
@@ -161,14 +155,12 @@ def arm_model_name(cell: Cell, kind: str) -> str | None:
         The name; None if the arm has no such model.
     """
     kind = "MGCO69" if kind == "MGCO68" and _first_is_loaded(cell.vjm) else kind
-    return next((name for name, own in arm_model_names(cell.arm).items() if own == kind), None)
+    return next((name for name, own in arm_model_names(cell).items() if own == kind), None)
 
 
 def plain_name(cell: Cell) -> str:
     """Return the default model for a fit without a prior."""
-    found = arm_model_name(cell, "MGCO68") or arm_model_name(cell, "MGCO56")
-    assert found  # of any arm
-    return found
+    return _possible(cell, ("MGCO68", "MGCO56"))[0]
 
 
 def _first_is_loaded(vjm: Vjm) -> bool:
@@ -192,14 +184,14 @@ def named_models(cell: Cell, names: Sequence[str] = SECTION_6) -> list[Model]:
     Raises:
         BenchError: If the arm has no such model.
     """
-    return [MODELS[arm_model_names(cell.arm)[canonical_name(cell.arm, name)]](cell) for name in names]
+    return [MODELS[arm_model_names(cell)[canonical_name(cell, name)]](cell) for name in names]
 
 
-def canonical_name(arm: Arm, name: str) -> str:
+def canonical_name(cell: Cell, name: str) -> str:
     """Find the exact name of an arm's model.
 
     Args:
-        arm: The arm.
+        cell: The arm.
         name: The name in any case.
 
     Returns:
@@ -208,7 +200,7 @@ def canonical_name(arm: Arm, name: str) -> str:
     Raises:
         BenchError: If the arm has no such model.
     """
-    names = arm_model_names(arm)
+    names, arm = arm_model_names(cell), cell.arm
     every = {known.casefold(): known for known in names}
     every |= {ALL_UNKNOWNS.casefold(): next(known for known, kind in names.items() if kind == "ALL153")}
     if name.casefold() in every:
@@ -378,9 +370,9 @@ def asked_models(
     return models if loss is None else [replace(m, estimator=loss(m.estimator)) for m in models]
 
 
-def default_name(arm: Arm) -> str:
+def default_name(cell: Cell) -> str:
     """Name the default of an arm, such as ALL153 + prior."""
-    return f"{canonical_name(arm, ALL_UNKNOWNS)}{FILLED}"
+    return f"{canonical_name(cell, ALL_UNKNOWNS)}{FILLED}"
 
 
 def _possible(cell: Cell, kinds: Sequence[str]) -> list[str]:
@@ -393,6 +385,8 @@ def with_priors(
 ) -> list[Model]:
     """Give models of an arm a prior, and name them so.
 
+    Where it is learnt, the model of all links and joints has the joints' laws beside.
+
     Args:
         arm: Description of the arm.
         models: The models.
@@ -402,15 +396,13 @@ def with_priors(
     Returns:
         The models.
     """
-    return [_with_prior(arm, m, prior, uncertainty) for m in models]
-
-
-def _with_prior(arm: Arm, model: Model, prior: Prior, uncertainty: PriorUncertainty | None) -> Model:
-    """With a prior; where it is learnt the model of all links and joints has the joints' laws beside."""
-    method, s = with_prior(model.estimator, prior, uncertainty), model.structure
-    whole = s.has_full_blocks and len(s.blocks) == 2 * s.n_links - 1
-    structure = add_coupling_parameters(add_law_parameters(s, arm)) if method.learns_prior and whole else s
-    return Model(f"{model.name}{FILLED}", structure, method)
+    found = []
+    for model in models:
+        method, s = with_prior(model.estimator, prior, uncertainty), model.structure
+        if method.learns_prior and s.has_full_blocks and len(s.blocks) == 2 * s.n_links - 1:
+            s = add_coupling_parameters(add_law_parameters(s, arm))  # all links and joints
+        found.append(Model(f"{model.name}{FILLED}", s, method))
+    return found
 
 
 def choose_model(cell: Cell, data: Dataset, prior: Prior) -> tuple[str, Estimate]:
@@ -466,7 +458,7 @@ def recommend(
     Returns:
         The recommendation.
     """
-    poses, default = len(np.unique(data.pose_id)), default_name(cell.arm)
+    poses, default = len(np.unique(data.pose_id)), default_name(cell)
     first = min(models, key=lambda m: (m.name != default, m.structure.n_parameters))
     if poses < MIN_POSES or len(models) == 1:
         few = f"with fewer than {MIN_POSES} poses, no pose is held out to compare models"

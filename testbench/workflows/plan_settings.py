@@ -205,7 +205,7 @@ def structure(cell: Cell, name: str) -> Structure:
     """
     [model] = named_models(cell, [name])
     if not model.structure.has_full_blocks:
-        others = ", ".join(other for other in arm_model_names(cell.arm) if other != name)
+        others = ", ".join(other for other in arm_model_names(cell) if other != name)
         raise BenchError(
             f"no plan for {name}, because its unknowns depend on the readings; expected one of {others}"
         )
@@ -340,7 +340,7 @@ def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) ->
             check_criterion(str(chosen["criterion"]))
     with of_flag("--model"):
         model = canonical_name(
-            cell.arm, options.model or (plain_name(cell) if options.no_prior else ALL_UNKNOWNS)
+            cell, options.model or (plain_name(cell) if options.no_prior else ALL_UNKNOWNS)
         )
     percent = 30.0 if options.uncertainty_percent is None else options.uncertainty_percent
     with in_flags(FLAGS):

@@ -96,7 +96,7 @@ def test_models_are_called_by_their_unknowns_joint_1_among_them_where_gravity_lo
     plain, default = [[m.name for m in default_models(cell, prior)] for prior in (None, cad)]
     assert plain_name(cell) == names[2]
     assert {names[2], f"{names[2]} + prior"} <= set(default)
-    assert default[-1] == default_name(cell.arm) == f"{names[-1]} + prior"
+    assert default[-1] == default_name(cell) == f"{names[-1]} + prior"
     assert len(set(plain)) == len(plain)
     of = "" if len(joints) == 6 else r" of arm, \d joints"
     with pytest.raises(BenchError, match=f"no model 'MGCO70'{of}; models are Joints, MLS"):
@@ -142,7 +142,7 @@ def test_an_arm_whose_joints_no_load_turns_is_identified_by_its_links(tmp_path):
     data = simulate(cell, seed=1).identification
     models = default_models(cell, cad_prior(cell.arm))
     found = fit_models(cell, models, MeasuredRuns("runs.csv", data, data, None), lambda: 0.0).fits
-    assert found.recommended == default_name(cell.arm)
+    assert found.recommended == default_name(cell)
     assert "Joints" not in [model.name for model in found.models]
     assert "Joints is left out: no load deflects its links and joints" in found.notes
     with pytest.raises(
