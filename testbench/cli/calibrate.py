@@ -1,5 +1,6 @@
 """testbench calibrate ARM READINGS.csv ... --out MODEL: geometry, gears, elasticity by absolute readings."""
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -161,10 +162,11 @@ def _score(asked: CalibrateOptions, files: Sequence[File]) -> None:
     """Print how far readings are from a calibrated arm; of a new series fit frame and target only."""
     model = read_model(Path(asked.arm))
     position_errors, notes = score(model, files, asked.frame_poses)
-    failed = asked.at_most is not None and not position_errors.mean_mm <= asked.at_most
+    limit = math.inf if asked.at_most is None else asked.at_most
+    failed = not position_errors.mean_mm <= limit
     verdict = (
         f"{'Do not use' if failed else 'Holds'}: the mean error is {position_errors.mean_mm:.3f} mm, "
-        f"the limit is {asked.at_most} mm"
+        f"the limit is {limit:g} mm"
     )
     sizes = (
         f"{position_errors.mean_mm:.3f} mm mean, {position_errors.rms_mm:.3f} mm RMS, "

@@ -157,7 +157,7 @@ def report(f: Row) -> Report:
     beaten = f.get("badge") is not None and f.badge.winner != taken.name
     first = "Although another model predicts held-out runs better, use" if beaten else "Use"
     if any(doubt["name"] != "prior" for doubt in f.doubts):
-        first = "First check the runs (see the warning below). If they are right, use"
+        first = "If the runs are right (see the warning), use"
     kind, where = ("check", "held-out") if taken.check else ("identification", "fitted")
     sure = (taken.intervals or Row()).get("half_width_mm") is not None
     half = ". The median 95 % interval of a deflection is ± {intervals.half_width_mm:.3f} mm" if sure else ""

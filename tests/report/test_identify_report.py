@@ -157,7 +157,7 @@ def test_doubts_about_the_runs_are_in_the_headline_and_said_first(f):
     frame, prior = ({"name": n, "sentence": s} for n, s in (("frame", "another frame?"), ("prior", "softer")))
     assert report(Row(f, doubts=[prior])).answer.startswith("Use ")
     said = report(Row(f, doubts=[prior, frame]))
-    assert said.answer.startswith("First check the runs ")
+    assert said.answer.startswith("If the runs are right (see the warning), use ")
     assert said.claims[:2] == ["Warning: another frame?", "Warning: softer."]
 
 
