@@ -119,7 +119,8 @@ def command(asked: CalibrateOptions) -> None:
         console = plain_console()
         with suppress(PoseError):  # an arm that can be nowhere has no workspace
             more = gain_of_further_poses(cell, calibrated.calibration.model(), series[0].sigma)
-        said, lines = report(calibrated, left, more), [f"- {note}" for note in calibrated.notes]
+        said = report(calibrated, left, more)
+        lines = [f"- {note}" for note in said.numbers["notes"]]
         if said.numbers["rejected"]:
             nothing = "rejected   the calibrated arm predicts worse than the nominal arm; nothing was written"
             print_words(console, said, [], [*lines, nothing])

@@ -16,13 +16,10 @@ from testbench.data.dataset import Series, select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, sheet_of, stem_of
 from testbench.files.read_series import read_series
 from testbench.identify.absolute.align import (
-    MAX_OUTLIER_WEIGHT,
     Misfit,
-    Outliers,
     align_all,
     deviation_from_stated,
     distance_from_known_frame,
-    find_outliers,
     position_residual_lengths,
     underdetermined_reason,
 )
@@ -62,7 +59,7 @@ from testbench.identify.observability import (
 )
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registration import MIN_REGISTRATION_POSES, NOMINAL_TARGET_DEVIATION, READING_LOSS
+from testbench.identify.registration import MIN_REGISTRATION_POSES, NOMINAL_TARGET_DEVIATION
 from testbench.model.load import read_body_masses
 from testbench.model.structure import BEAM_ENTRIES
 from testbench.model.vjm import Vjm
@@ -250,13 +247,12 @@ def calibrate_with_masses(
         if (few := underdetermined_reason(vjm, one))
     ]
     said += of_held(calibration)
-    wild = find_outliers(calibration.state, calibration.series, calibration.robust_weights)
     words = (describe(issue, vjm.arm).sentence for issue in calibration.issues)
     mounted = mounting_by_own_weight(calibration.state, calibration.series, cad_prior(vjm.arm))
     return Calibrated(
         calibration,
         calibration.series,
-        (*said, *words, *([of_outliers(wild)] if wild else [])),
+        (*said, *words),
         describe(mounted, vjm.arm).sentence if mounted else "",
     )
 
@@ -315,16 +311,6 @@ def of_held(calibration: Calibration) -> list[str]:
                 f"{series.name}: a turn of its frame about the line of its positions is not determined: {by}"
             )
     return words
-
-
-def of_outliers(found: Outliers) -> str:
-    """Say how many positions are far off."""
-    worst = (
-        f"the worst is row {found.worst_row} of {found.worst_series}, by {1e3 * found.worst_distance:.4g} mm"
-    )
-    far = f"{READING_LOSS.threshold / MAX_OUTLIER_WEIGHT:g} standard deviations"
-    few = f"{found.n_outliers} of {found.n_readings} positions"
-    return f"{few} are off by more than {far} and have less than half of the usual weight; {worst}"
 
 
 def of_masses(mass_fit: MassFit) -> str:

@@ -1,17 +1,16 @@
 """Numbers of a calibration: how far readings are off, which errors were tried, what the arm is.
 
-Numbers of a calibrated arm with their 95 % intervals, by name and in the units of people.
+Numbers of a calibrated arm have their 95 % intervals, by name and in the units of people.
 
 A joint and the turn of the link before it about its axis are one to the readings, for errors and for
 compliances: the first is counted with the second, as in the paper's aggregation.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -33,12 +32,12 @@ from testbench.identify.absolute.state import (
 )
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior
+from testbench.identify.registration import READING_LOSS
 from testbench.model.kinematics import JointErrorTerms
 from testbench.runs.rows import Row
 from testbench.workflows.absolute import FREE_DEVIATION as LOOSE_FRAME
 from testbench.workflows.absolute import (
     FURTHER,
-    SINGLE,
     Calibrated,
     distance_statistics,
     hidden_geometry,
@@ -50,94 +49,20 @@ from testbench.workflows.rows import MM, UM
 
 # --- Numbers of a calibrated arm with their 95 % intervals, by name and in the units of people --------------
 
-Part = Literal["geometry", "joint errors", "joint compliances", "entries"]
 AXES = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z")
-ENTRY = ("x", "y", "z", "phi_x", "phi_y", "phi_z")
 Named = tuple[str, str, Array]
 """A number of an arm: name, unit in which it is shown, and what it is per unit of every unknown, (size,)."""
 
 
-@dataclass(frozen=True)
-class Interval:
-    """Hold a number with its 95 % interval, in the unit in which people read it."""
-
-    part: Part
-    name: str  #: Such as "link_2 turn y", "joint_3 sin 12", "joint_2", "link_1 phi_x, phi_x".
-    value: float
-    half: float  #: The interval is value - half to value + half.
-    unit: str
-
-
-@dataclass(frozen=True)
-class Functionals:
-    """Hold numbers of an arm, linear in its unknowns."""
-
-    part: Part
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    of: Array  #: Per unit of every unknown of the calibration, (k, size).
-
-    @property
-    def scale(self) -> Array:
-        """Return the shown units over SI units, (k,)."""
-        return np.array([1e3 if unit[0] == "m" else 1e6 for unit in self.units])
-
-
-def intervals(calibration: Calibration) -> tuple[Interval, ...]:
-    """Compute intervals of all errors and compliances that a calibration has on, each by itself.
-
-    They count with the readings and the learnt priors: an error that readings cannot tell from another one,
-    such as two shifts along one axis, has the interval of its prior.
-    """
-    active = calibration.active_unknowns
-    known = posterior_of_calibration(calibration)
-    found = []
-    for group in functionals(active):
-        a = group.of[:, active.columns]
-        value, half = group.scale * (a @ known.mean), group.scale * known.half_widths(a)
-        rows = zip(group.names, value.tolist(), half.tolist(), group.units, strict=True)
-        found += [Interval(group.part, *row) for row in rows]
-    return tuple(found)
-
-
-def functionals(active: ActiveUnknowns) -> tuple[Functionals, ...]:
-    """List all that has a name: geometry, errors of joints, joint compliances, entries of C_theta."""
-    parts: dict[Part, list[Named]] = {
-        "geometry": list(_geometry(active)),
-        "joint errors": list(_errors(active)),
-        "joint compliances": [] if active.compliance_prior is None else list(_joints(active)),
-        "entries": list(_entries(active)),
-    }
-    found = []
-    for part, named in parts.items():
-        if named:
-            names, units, rows = zip(*named, strict=True)
-            found.append(Functionals(part, names, units, np.array(rows)))
-    return tuple(found)
-
-
-def _geometry(active: ActiveUnknowns) -> Iterator[Named]:
-    """Constants of the inner links' virtual joints."""
+def geometry_errors(active: ActiveUnknowns) -> Iterator[Named]:
+    """List the constants of the inner links' virtual joints, such as "link_2 turn y"."""
     every = np.eye(active.unknowns.size)[active.unknowns.columns("geometry")]
     for row, (link, axis) in zip(every, product(active.unknowns.vjm.arm.links[1:-1], AXES), strict=True):
         yield f"{link.name} {axis}", "mm" if axis in AXES[:3] else "mrad", row
 
 
-def _errors(active: ActiveUnknowns) -> Iterator[Named]:
-    """Coefficients of the joint errors that are on."""
-    unknowns = active.unknowns
-    errors = active.unknowns.error_terms
-    every = np.eye(active.unknowns.size)
-    words = [f"{wave} {k}" for wave in ("sin", "cos") for k in errors.orders]
-    words += [SINGLE[kind] for kind in errors.coefficient_kinds[len(words) :]]
-    places = product(unknowns.vjm.arm.joints, zip(words, errors.coefficient_kinds, strict=True))
-    for column, (joint, (word, kind)) in enumerate(places, unknowns.first_columns["errors"]):
-        if column in active.columns and not (joint.prismatic and kind == "harmonics"):
-            yield f"{joint.name} {word}", "um" if joint.prismatic else "urad", every[column]
-
-
-def _joints(active: ActiveUnknowns) -> Iterator[Named]:
-    """A joint's compliance and that of the link before it about, of a slide along, its axis."""
+def joint_compliances(active: ActiveUnknowns) -> Iterator[Named]:
+    """List each joint's compliance with that of the link before it about, of a slide along, its axis."""
     unknowns, arm = active.unknowns, active.unknowns.vjm.arm
     a, b = unknowns.structure.rows, unknowns.structure.columns
     for k, joint in enumerate(arm.joints):
@@ -148,23 +73,28 @@ def _joints(active: ActiveUnknowns) -> Iterator[Named]:
         yield joint.name, "um/N" if joint.prismatic else "urad/(N m)", row
 
 
-def _entries(active: ActiveUnknowns) -> Iterator[Named]:
-    """Entries of C_theta that are on."""
-    structure = active.unknowns.structure
-    arm = active.unknowns.vjm.arm
-    every = np.eye(active.unknowns.size)
-    links = 6 * len(arm.links)
-    for column in active.columns[active.n_rigid :].tolist():
-        a, b = (
-            int(x[column - active.unknowns.first_columns["elastic"]])
-            for x in (structure.rows, structure.columns)
-        )
-        if a < links:
-            name = f"{arm.links[a // 6].name} {ENTRY[a % 6]}, {ENTRY[b % 6]}"
-            turns = (a % 6 > 2) + (b % 6 > 2)
-        else:
-            name, turns = arm.joints[a - links].name, 0 if arm.joints[a - links].prismatic else 2
-        yield name, ("um/N", "urad/N", "urad/(N m)")[turns], every[column]
+def interval_rows(calibration: Calibration, named: Iterable[Named]) -> list[Row]:
+    """Compute numbers of a calibrated arm with the half width of their 95 % interval, each by itself.
+
+    They count with the readings and the learnt priors: an error that readings cannot tell from another one,
+    such as two shifts along one axis, has the interval of its prior. A value is 0 if it is rounding beside
+    its interval.
+
+    Args:
+        calibration: The calibration.
+        named: The numbers, linear in the unknowns.
+
+    Returns:
+        A row each: `name`, `value`, `half_95` and `unit`.
+    """
+    known, columns = posterior_of_calibration(calibration), calibration.active_unknowns.columns
+    rows = []
+    for name, unit, functional in named:
+        scale = MM if unit.startswith("m") else UM
+        value = scale * float(functional[columns] @ known.mean)
+        [half] = (scale * known.half_widths(functional[None, columns])).tolist()
+        rows.append(Row(name=name, value=value * (abs(value) > NOTHING * half), half_95=half, unit=unit))
+    return rows
 
 
 # --- Numbers of a calibration: how far readings are off, which errors were tried, what the arm is -----------
@@ -181,7 +111,7 @@ PRESSED = 40.0, 0.05
 [1]: sound readings reach 0.02."""
 SIGNIFICANT = 3.0  #: Standard deviations above which the amplitude of an order is more than scatter.
 NOTHING = 1e-6  #: Share of the half width of its interval below which a value is rounding [1].
-SPOILED = 0.5  #: A reading that counts less than this is listed as an outlier [1].
+MAX_OUTLIER_WEIGHT = 0.5  #: Robust weight below which a reading is listed as an outlier [1].
 LISTED_OUTLIERS = 10  #: Outliers that are listed, the farthest.
 MAX_RANGES, MIN_RANGES, POSES_PER_RANGE = 24, 4, 8
 """Ranges of a joint at most and at least, and the poses that each should have on average."""
@@ -221,6 +151,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     vjm, estimate = calibration.state.vjm, calibration.estimate
     q = np.concatenate([np.repeat(one.q, one.is_measured.sum(axis=1), axis=0) for one in series])
     every = np.concatenate(before), np.concatenate(after)
+    pulled, note = outliers(calibration, left[1])
     f = Row(
         arm=vjm.arm.name,
         series=[_errors_of_series(*parts) for parts in zip(series, before, after, strict=True)],
@@ -232,7 +163,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
         places=[row for k, joint in enumerate(vjm.arm.joints) for row in _ranges(joint, q[:, k], q, *every)],
         spectrum=list(_spectrum(calibration)),
         pattern=_pattern(calibration.active_unknowns.unknowns),
-        geometry=(geometry := _values(calibration, "geometry")),
+        geometry=(geometry := interval_rows(calibration, geometry_errors(calibration.active_unknowns))),
         far_geometry=_far_geometry(calibrated, geometry),
         compliances=_compliances(calibration),
         **_solved(calibration),
@@ -240,8 +171,8 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
         mounting=calibrated.mounting,
         weight_alone=not any(one.wrench.any() or one.torque is not None for one in series),
         left_open=list(_left_open(calibration)),
-        notes=list(calibrated.notes),
-        **_pulled(calibration, series, left[1]),
+        notes=[*calibrated.notes, *note],
+        **pulled,
     )
     f |= _validated(f)
     f["models"] = [_model(estimate, f)]
@@ -509,16 +440,6 @@ def _pattern(unknowns: Unknowns) -> list[Row]:
     return [Row(joint=name, turn_deg=turn, mirrored=sense < 0) for name, turn, sense in every]
 
 
-def _values(calibration: Calibration, part: Part) -> list[Row]:
-    """Numbers of a part, with the half width of their 95 % interval; 0 what is rounding beside it."""
-    known = [interval for interval in intervals(calibration) if interval.part == part]
-    rows = [
-        Row(name=interval.name, value=interval.value, half_95=interval.half, unit=interval.unit)
-        for interval in known
-    ]
-    return [Row(row, value=row.value * (abs(row.value) > NOTHING * row.half_95)) for row in rows]
-
-
 def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
     """The largest error of geometry where no arm has it, and what may hide in it; empty where it is usual."""
     most = MM * MOST_OF_USUAL * DEFAULT_ERROR_SCALES["geometry turn"]
@@ -533,37 +454,52 @@ def _far_geometry(calibrated: Calibrated, geometry: Sequence[Row]) -> str:
 
 def _compliances(calibration: Calibration) -> list[Row]:
     """Of every joint with that of the link before it, beside the same of the arm's folder."""
+    if calibration.active_unknowns.compliance_prior is None:
+        return []
     vjm = calibration.state.vjm
     rows = []
-    known = _values(calibration, "joint compliances")
-    for row, joint, link, axis in zip(
-        known, vjm.arm.joints, vjm.arm.links, vjm.joint_axes_in_beam_frame, strict=False
-    ):
+    known = interval_rows(calibration, joint_compliances(calibration.active_unknowns))
+    every = zip(known, vjm.arm.joints, vjm.arm.links[:-1], vjm.joint_axes_in_beam_frame, strict=True)
+    for row, joint, link, axis in every:
         part = slice(0, 3) if joint.prismatic else slice(3, 6)
         folder = joint.compliance + float(axis @ link.compliance[part, part] @ axis)
         rows.append(Row(row, folder=UM * folder))
     return rows
 
 
-def _pulled(calibration: Calibration, series: Sequence[Series], after: Sequence[Array]) -> Row:
-    """The share of positions that count less than a sound one, and the farthest of those that hardly do."""
-    influences = [x[: len(one.markers)].T for x, one in zip(calibration.robust_weights, series, strict=True)]
-    counted = np.concatenate(
-        [influence[one.is_measured] for influence, one in zip(influences, series, strict=True)]
-    )
-    outliers = [
+def outliers(calibration: Calibration, after: Sequence[Array]) -> tuple[Row, list[str]]:
+    """Find positions that count less than sound ones, and list the farthest of those that hardly count.
+
+    Args:
+        calibration: The calibration.
+        after: Reading minus calibrated arm, of every series (rows, m, 3) [m].
+
+    Returns:
+        `less_pull_percent`, the share of positions with less than full weight, and `outliers`, the farthest
+        positions with a weight below MAX_OUTLIER_WEIGHT; and the note about these, if there are some.
+    """
+    series = calibration.series
+    weights = [x[: len(one.markers)].T for x, one in zip(calibration.robust_weights, series, strict=True)]
+    counted = np.concatenate([weight[one.is_measured] for weight, one in zip(weights, series, strict=True)])
+    wild = [
         Row(
             series=one.name,
             row=int(one.row_id[row]),
             marker=one.markers[k],
             error_mm=float(MM * np.linalg.norm(left[row, k])),
-            pull=float(influence[row, k]),
+            pull=float(weight[row, k]),
         )
-        for one, influence, left in zip(series, influences, after, strict=True)
-        for row, k in np.argwhere((influence < SPOILED) & one.is_measured)
+        for one, weight, left in zip(series, weights, after, strict=True)
+        for row, k in np.argwhere((weight < MAX_OUTLIER_WEIGHT) & one.is_measured)
     ]
-    worst = sorted(outliers, key=lambda row: -float(row.error_mm))[:LISTED_OUTLIERS]
-    return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst)
+    worst = sorted(wild, key=lambda row: -float(row.error_mm))[:LISTED_OUTLIERS]
+    note = [
+        f"{len(wild)} of {len(counted)} positions are off by more than "
+        f"{READING_LOSS.threshold / MAX_OUTLIER_WEIGHT:g} standard deviations and have less than half of the "
+        f"usual weight; the worst is row {row.row} of {row.series}, by {row.error_mm:.4g} mm"
+        for row in worst[:1]
+    ]
+    return Row(less_pull_percent=float(100 * (counted < 1).mean()), outliers=worst), note
 
 
 def _left_open(calibration: Calibration) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from serial_arms import write_arm
 
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align, align_all, find_outliers, residuals, with_common_targets
+from testbench.identify.absolute.align import align, align_all, residuals, with_common_targets
 from testbench.identify.absolute.fit import (
     CalibrationOptions,
     calibrate,
@@ -25,7 +25,7 @@ from testbench.identify.prior import cad_prior
 from testbench.model.load import read_body_masses
 from testbench.workflows.absolute import calibrate_with_masses, raise_explanation
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
-from testbench.workflows.calibration_numbers import numbers, remaining_errors
+from testbench.workflows.calibration_numbers import numbers, outliers, remaining_errors
 from testbench.workflows.cell import build_cell
 
 ONLY = CalibrationOptions(used_errors=frozenset({"joint springs"}), max_order=5)
@@ -35,6 +35,13 @@ ROWS = 40
 def read(cell, seed=1, **asked):
     """One series of a true arm with typical errors, poses and orientations."""
     return simulate_series(cell, AbsoluteCampaign(**{"poses": ROWS, "orientations": True} | asked), seed)[0]
+
+
+def outliers_of(found):
+    """Rows of outliers of a calibration, and the note about them."""
+    left = [residuals(found.state, one)[: len(one.markers)].transpose(2, 0, 1) for one in found.series]
+    rows, note = outliers(found, left)
+    return rows.outliers, note
 
 
 def gathered(cell, *series):
@@ -346,7 +353,7 @@ def test_few_poses_under_two_loads_keep_a_scatter_of_their_own(ur10):
     options = CalibrationOptions(used_errors=frozenset({"joint springs", "joint errors"}))
     series = read(ur10, poses=20, orientations=False, masses=(0.0, 5.0))
     found = calibrate(ur10.vjm, series, cad_prior(ur10.arm), options)
-    assert find_outliers(found.state, found.series, found.robust_weights) is None
+    assert outliers_of(found) == ([], [])
     assert found.noise.factor[0] > 0.4
 
 
@@ -355,11 +362,13 @@ def test_outliers_of_2_mm_are_counted_and_the_worst_is_named(ur10):
     asked = AbsoluteCampaign(poses=2 * ROWS, outliers=0.04)
     series, truth = simulate_series(ur10, asked, 1)
     found = select_and_solve(gathered(ur10, *series), ONLY)
-    worst = find_outliers(found.state, found.series, found.robust_weights)
+    rows, [note] = outliers_of(found)
     assert not found.issues
-    assert worst.n_outliers == truth.outliers[0].sum() > 2
-    assert truth.outliers[0][worst.worst_row - 1].all()
-    assert worst.worst_distance == pytest.approx(2e-3, rel=0.2)
+    assert len(rows) == truth.outliers[0].sum() > 2
+    assert all(truth.outliers[0][row.row - 1].all() for row in rows)
+    assert [row.error_mm for row in rows] == pytest.approx([2] * len(rows), rel=0.2)
+    assert f"{len(rows)} of {2 * ROWS} positions" in note
+    assert f"row {rows[0].row} of series 1" in note
 
 
 @pytest.fixture(scope="module")

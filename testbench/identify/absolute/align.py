@@ -46,7 +46,7 @@ from testbench.identify.registration import (
 from testbench.identify.registration import registration_residuals as left_by
 from testbench.model.vjm import Vjm, tool_poses
 
-# --- Residuals of readings, their noise about a state, and outliers -----------------------------------------
+# --- Residuals of readings, and their noise about a state ---------------------------------------------------
 
 EQUATION_KINDS = ("position", "orientation", "position within a pose", "orientation within a pose")
 """Kinds of equations, each with its own noise factor; those "within a pose" are differences of readings."""
@@ -316,46 +316,6 @@ def equation_deviations(noise: Noise, stated_variances: Array, repetitions: floa
     """
     model_error = np.array([noise.position_model_error, noise.rotation_model_error])
     return np.asarray(np.sqrt(np.r_[stated_variances + repetitions * model_error**2, stated_variances]))
-
-
-MAX_OUTLIER_WEIGHT = 0.5
-"""Robust weight below which a reading is an outlier [1]."""
-
-
-@dataclass(frozen=True)
-class Outliers:
-    """Count the positions with a robust weight below `MAX_OUTLIER_WEIGHT`, and describe the worst one."""
-
-    n_outliers: int  #: Number of outliers.
-    n_readings: int  #: Number of positions that were read.
-    worst_series: str  #: Series of the worst outlier.
-    worst_row: int  #: Identifier of the reading's row.
-    worst_distance: float  #: Distance of the reading from the model [m].
-
-
-def find_outliers(
-    state: ArmState, series: Sequence[Series], robust_weights: Sequence[Array]
-) -> Outliers | None:
-    """Find measured positions with a robust weight below `MAX_OUTLIER_WEIGHT`.
-
-    Args:
-        state: The calibrated arm.
-        series: The readings.
-        robust_weights: Robust weights of all readings, (s, rows) [1] per series.
-
-    Returns:
-        The number of outliers and the worst one; None if there are none.
-    """
-    farthest, count = [], 0
-    for readings, weights in zip(series, robust_weights, strict=True):
-        wild = (weights[: len(readings.markers)].T < MAX_OUTLIER_WEIGHT) & readings.is_measured
-        far = np.where(wild, position_residual_lengths(state, readings), 0.0).max(axis=1)
-        k, count = int(far.argmax()), count + int(wild.sum())
-        farthest.append((float(far[k]), readings.name, int(readings.row_id[k])))
-    if not count:
-        return None
-    distance, name, row = max(farthest)
-    return Outliers(count, sum(int(readings.is_measured.sum()) for readings in series), name, row, distance)
 
 
 # --- Initial frame and mount of a series from the nominal arm and the series' positions and orientations ----

@@ -63,7 +63,7 @@ from testbench.studies.campaigns import seeds_of
 from testbench.studies.run import FEW, READ, headline
 from testbench.studies.study import Run, Study, amid_errors
 from testbench.workflows.absolute_campaign import REAL_ARM, AbsoluteCampaign, Truth, simulate_series
-from testbench.workflows.calibration_numbers import Part, functionals
+from testbench.workflows.calibration_numbers import joint_compliances
 from testbench.workflows.campaign import true_cell
 from testbench.workflows.cell import Cell, build_cell, clear_poses
 from testbench.workflows.models import wrong_prior
@@ -139,7 +139,7 @@ def _true_joints(vjm: Vjm, truth: Truth) -> Array:
     return np.asarray(np.diag(C)[6 * len(vjm.arm.links) :] + links)
 
 
-def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part, Held], Array]:
+def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[str, Held], Array]:
     """Compare all numbers of a calibration that have an interval with the truth.
 
     A joint's true compliance has that of the link before it about its axis, of a rigid model's links too.
@@ -152,19 +152,26 @@ def _score_intervals(calibration: Calibration, truth: Truth) -> tuple[dict[Part,
         Of each part those numbers that the truth has, where there are some: joint errors have its orders. Of
         the compliances of the joints found over true, less one, (n,); (0,) of a rigid model.
     """
-    active = calibration.active_unknowns
+    active, unknowns = calibration.active_unknowns, calibration.active_unknowns.unknowns
     known = posterior_of_calibration(calibration)
     parts = {}
     relative = np.zeros(0)
-    true = active.unknowns.values(true_state(calibration.state, truth))
-    for group in functionals(active):
-        a, sought = group.of[:, active.columns], group.of @ true
-        if group.part == "joint compliances":
-            sought = _true_joints(active.unknowns.vjm, truth)
+    true = unknowns.values(true_state(calibration.state, truth))
+    every, all_columns = np.eye(unknowns.size), np.arange(unknowns.size)
+    functionals = {
+        name: every[np.intersect1d(all_columns[unknowns.columns(kind)], active.columns)]
+        for name, kind in (("geometry", "geometry"), ("joint errors", "errors"), ("entries", "elastic"))
+    }
+    if active.compliance_prior is not None:
+        functionals["joint compliances"] = np.array([row for *_, row in joint_compliances(active)])
+    for part, rows in functionals.items():
+        a, sought = rows[:, active.columns], rows @ true
+        if part == "joint compliances":
+            sought = _true_joints(unknowns.vjm, truth)
             relative = a @ known.mean / sought - 1
         inside = (np.abs(a @ known.mean - sought) < known.half_widths(a))[sought != 0]
         if inside.size:
-            parts[group.part] = Held(inside.size, int(inside.sum()))
+            parts[part] = Held(inside.size, int(inside.sum()))
     return parts, relative
 
 
