@@ -107,31 +107,10 @@ class ResidualModel:
         """
         return np.asarray((readings.y - readings.A @ self.pi).ravel())
 
-    def issue_by_score_test(self, name: str, correction: "Correction[LoadedRuns]") -> Issue:
-        """Estimate the size and the log-likelihood gain of a mistake that enters linearly, by `score_test`.
-
-        The score is g = Z^T W e and the information M = Z^T W Z. W is the inverse covariance of the readings,
-        e are their residuals from the prior mean.
-
-        Args:
-            name: Name of the hypothesis.
-            correction: A correction with a Jacobian Z.
-
-        Returns:
-            The issue, with its expected size in SI units.
-        """
-        assert correction.jacobian is not None
-        Z, rows = correction.jacobian, slice(*(correction.equation_range or (None,)))
-        half = self.inverse_covariance_factor[rows].T @ Z
-        M = Z.T @ Z / self.misfit**2 - half.T @ half
-        score = score_test(Z.T @ self.weighted_residual[rows], M)
-        size = correction.prior_deviation * score.expected_size
-        return Issue(name, correction.where, size, correction.details, float(score.log_bayes_factor))
-
 
 @dataclass(frozen=True)
 class LoadedRuns:
-    """Hold loaded runs that are tested for mistakes, with prior and fitted model of the compliances."""
+    """Hold loaded runs that are tested for mistakes, with the prior of the compliances."""
 
     vjm: Vjm  #: The arm's virtual joint model.
     compliance_prior: PriorScaling  #: Prior of the compliances.
@@ -140,13 +119,19 @@ class LoadedRuns:
     tracker_gravity: Array | None = None
     #: Suspected direction of gravity other than the nominal one; None if nothing suggests it.
     suspected_gravity: GravityDirection | None = None
-    #: The fitted model; None before the fit, or if no compliances fit the readings.
-    residual_model: ResidualModel | None = None
 
     @property
     def largest_force(self) -> float:
         """Compute the largest force of all runs [N]."""
         return float(np.linalg.norm(self.data.wrench[:, :3], axis=1).max())
+
+
+@dataclass(frozen=True)
+class FittedRuns:
+    """Hold loaded runs and the model that is fitted to them; its residuals show mistakes with a size."""
+
+    runs: LoadedRuns  #: The runs with their prior.
+    model: ResidualModel  #: The fitted compliances, with residuals and covariance.
 
     def mistake_jacobian(self, corrected_data: Sequence[Dataset]) -> Array:
         """Compute the change Z of the whitened residuals per unit of each parameter of a mistake.
@@ -163,13 +148,45 @@ class LoadedRuns:
         Raises:
             BenchError: When there are too many readings to weigh them one by one.
         """
-        assert self.residual_model is not None
-        as_read, structure = (
-            self.residual_model.residuals(self.residual_model.readings),
-            self.compliance_prior.structure,
-        )
-        every = (weighted_readings(self.vjm, structure, data) for data in corrected_data)
-        return np.column_stack([as_read - self.residual_model.residuals(readings) for readings in every])
+        as_read, structure = self.model.residuals(self.model.readings), self.runs.compliance_prior.structure
+        every = (weighted_readings(self.runs.vjm, structure, data) for data in corrected_data)
+        return np.column_stack([as_read - self.model.residuals(readings) for readings in every])
+
+    def issue_by_score_test(self, name: str, correction: "Correction[FittedRuns]") -> Issue:
+        """Estimate the size and the log-likelihood gain of a mistake that enters linearly, by `score_test`.
+
+        The score is g = Z^T W e and the information M = Z^T W Z. W is the inverse covariance of the readings,
+        e are their residuals from the prior mean.
+
+        Args:
+            name: Name of the hypothesis.
+            correction: A correction with a Jacobian Z.
+
+        Returns:
+            The issue, with its expected size in SI units.
+        """
+        assert correction.jacobian is not None
+        Z, rows = correction.jacobian, slice(*(correction.equation_range or (None,)))
+        half = self.model.inverse_covariance_factor[rows].T @ Z
+        M = Z.T @ Z / self.model.misfit**2 - half.T @ half
+        score = score_test(Z.T @ self.model.weighted_residual[rows], M)
+        size = correction.prior_deviation * score.expected_size
+        return Issue(name, correction.where, size, correction.details, float(score.log_bayes_factor))
+
+
+@dataclass(frozen=True)
+class LoadHypotheses:
+    """Hold the kinds of mistakes in loads and deflections, by the way in which they are tested."""
+
+    mounting: tuple[Hypothesis[LoadedRuns], ...]  #: Gravity in another direction: the runs are fitted again.
+    other_loads: tuple[Hypothesis[LoadedRuns], ...]  #: Loads of another kind: the runs are fitted again.
+    sized: tuple[Hypothesis[FittedRuns], ...]  #: Mistakes in all runs with a size, by the score test.
+    single_runs: tuple[Hypothesis[FittedRuns], ...]  #: Mistakes in single runs, by the score test.
+
+    @property
+    def single_run_names(self) -> frozenset[str]:
+        """Return the names of the mistakes in single runs."""
+        return frozenset(row.name for row in self.single_runs)
 
 
 def deflection_scale(loads: LoadedRuns) -> float:
@@ -284,13 +301,7 @@ def load_levels(data: Dataset) -> list[Mask]:
     return masks if often and force.min() > 0 else []
 
 
-LoadHypotheses = Sequence[Hypothesis[LoadedRuns]]
-"""Hypotheses about all loads, or about single runs."""
-
-
-def find_load_issues(
-    loads: LoadedRuns, all_load_hypotheses: LoadHypotheses, single_run_hypotheses: LoadHypotheses
-) -> list[Issue]:
+def find_load_issues(loads: LoadedRuns, hypotheses: LoadHypotheses) -> list[Issue]:
     """Find the mistakes in loads and deflections whose correction makes the readings fit the prior best.
 
     If gravity certainly acts in another direction, the mounting is the only issue. Otherwise, single wrong
@@ -299,39 +310,34 @@ def find_load_issues(
 
     Args:
         loads: The runs with their prior.
-        all_load_hypotheses: Hypotheses about all loads.
-        single_run_hypotheses: Hypotheses about single runs.
+        hypotheses: Kinds of mistakes.
 
     Returns:
         Issues, the most probable first; none for runs without a mistake.
     """
-    factor = deflection_scale(loads)
+    factor, kinds = deflection_scale(loads), hypotheses.single_run_names
     gravity = suspected_gravity(loads.vjm, loads.compliance_prior, loads.data, loads.tracker_gravity)
     loads = replace(loads, suspected_gravity=gravity)
-    mountings = [row for row in all_load_hypotheses if row.name == "mounting"]
-    others = [row for row in all_load_hypotheses if row.name != "mounting"]
-    kinds = {row.name for row in single_run_hypotheses}
     if gravity is not None and gravity.is_certain:
         return [mounting_issue(loads.vjm, gravity)]
     try:
         model = fit_residual_model(loads)
     except BenchError:  # no compliance moves so: only other loads can
-        return _refitted(mountings, loads) or _refitted(others, loads) or [_wild_reading(loads.data, factor)]
-    fitted = replace(loads, residual_model=model)
-    issues, loads = correct_one_by_one(fitted, partial(_without_worst, single_run_hypotheses))
-    assert loads.residual_model is not None
-    model = loads.residual_model
-    best = _likeliest(loads, all_load_hypotheses, single_run_hypotheses)
+        refitted = (_refitted(rows, loads) for rows in (hypotheses.mounting, hypotheses.other_loads))
+        return next(filter(None, refitted), [_wild_reading(loads.data, factor)])
+    issues, fitted = correct_one_by_one(FittedRuns(loads, model), partial(_without_worst, hypotheses))
+    loads, model = fitted.runs, fitted.model
+    best = _likeliest(fitted, hypotheses)
     loads = replace(loads, suspected_gravity=gravity or _missing_weight(loads, best))
     # A wrong mounting, if it rivals the best other mistake; weights have no force offset.
-    hung = _refitted(mountings, loads)
+    hung = _refitted(hypotheses.mounting, loads, model)
     rival = max((_gain(issue) for issue in best if issue.name != "force_offset"), default=0.0)
     if hung and (hung[0].details["tracker_agrees"] or _gain(hung[0]) > MIN_MOUNTING_GAIN_RATIO * rival):
         return [*hung, *(issue for issue in (*issues, *best) if issue.name in kinds)]
     issues += best
     # Mistakes without a size, if the model does not explain the readings well.
     if model.misfit > MAX_QUIET_MISFIT or not 1 / MAX_QUIET_SCALE < factor < MAX_QUIET_SCALE:
-        issues += _refitted(others, loads)
+        issues += _refitted(hypotheses.other_loads, loads, model)
     issues.sort(key=lambda issue: -_gain(issue) * (SINGLE_RUN_GAIN_WEIGHT if issue.name in kinds else 1))
     issues += _scale_issue(loads, factor)
     data = loads.data
@@ -346,30 +352,29 @@ def _gain(issue: Issue) -> float:
     return issue.log_likelihood_gain or 0.0
 
 
-def _sized_issues(loads: LoadedRuns, hypotheses: LoadHypotheses) -> Iterator[tuple[Issue, bool]]:
+def _sized_issues(
+    fitted: FittedRuns, hypotheses: Sequence[Hypothesis[FittedRuns]]
+) -> Iterator[tuple[Issue, bool]]:
     """Score every mistake that enters linearly; yield it with whether it is likely and large."""
-    assert loads.residual_model is not None
     for hypothesis in hypotheses:
-        for correction in hypothesis.corrections(loads):
-            if correction.jacobian is not None:
-                issue = loads.residual_model.issue_by_score_test(hypothesis.name, correction)
-                yield issue, _gain(issue) > hypothesis.min_gain and correction.is_large(issue.size)
+        for correction in hypothesis.corrections(fitted):
+            issue = fitted.issue_by_score_test(hypothesis.name, correction)
+            yield issue, _gain(issue) > hypothesis.min_gain and correction.is_large(issue.size)
 
 
-def _without_worst(single_runs: LoadHypotheses, loads: LoadedRuns) -> tuple[list[Issue], LoadedRuns] | None:
+def _without_worst(hypotheses: LoadHypotheses, fitted: FittedRuns) -> tuple[list[Issue], FittedRuns] | None:
     """Leave out the run that alone makes all others look noisy; None if no run does.
 
     The other runs determine noise and prior: with the wrong run among them, its mistake would hide in both.
     """
-    data, model = loads.data, loads.residual_model
-    assert model is not None
-    if model.misfit <= MAX_QUIET_MISFIT or data.n_runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
+    loads, model = fitted.runs, fitted.model
+    if model.misfit <= MAX_QUIET_MISFIT or loads.data.n_runs < MIN_RUNS_TO_LEAVE_ONE_OUT:
         return None
-    likeliest = max((issue for issue, _ in _sized_issues(loads, single_runs)), key=_gain)
+    likeliest = max((issue for issue, _ in _sized_issues(fitted, hypotheses.single_runs)), key=_gain)
     if _gain(likeliest) < MIN_GAIN_WITHOUT_RUN:
         return None
     worst = likeliest.where[0]
-    others = replace(loads, data=select_runs(data, data.run_id.astype(str) != worst))
+    others = replace(loads, data=select_runs(loads.data, loads.data.run_id.astype(str) != worst))
     try:
         rest = fit_residual_model(others)
     except BenchError:  # no compliance moves as the other runs do: it is not this run that is wrong
@@ -377,17 +382,17 @@ def _without_worst(single_runs: LoadHypotheses, loads: LoadedRuns) -> tuple[list
     if rest.misfit > MAX_MISFIT_RATIO * model.misfit:
         return None
     # The mistakes of this run, by the noise and the prior of the others.
-    judged = replace(loads, residual_model=fit_residual_model(loads, rest.hyperparameters))
-    large = (issue for issue, is_large in _sized_issues(judged, single_runs) if is_large)
+    judged = FittedRuns(loads, fit_residual_model(loads, rest.hyperparameters))
+    large = (issue for issue, is_large in _sized_issues(judged, hypotheses.single_runs) if is_large)
     issues = [issue for issue in large if issue.where[0] == worst]
-    return ([max(issues, key=_gain)], replace(others, residual_model=rest)) if issues else None
+    return ([max(issues, key=_gain)], FittedRuns(others, rest)) if issues else None
 
 
-def _likeliest(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHypotheses) -> list[Issue]:
+def _likeliest(fitted: FittedRuns, hypotheses: LoadHypotheses) -> list[Issue]:
     """Select the most probable mistake; if it is of a single run, also the mistakes of other single runs."""
     issues: list[Issue] = []
-    kinds = {row.name for row in single_runs}
-    large = [issue for issue, large in _sized_issues(loads, (*all_loads, *single_runs)) if large]
+    kinds, every = hypotheses.single_run_names, (*hypotheses.sized, *hypotheses.single_runs)
+    large = [issue for issue, large in _sized_issues(fitted, every) if large]
     for candidate in sorted(large, key=_gain, reverse=True):
         wrong = {other.where[0] for other in issues if other.name in kinds}
         if not issues or (wrong and candidate.name in kinds and candidate.where[0] not in wrong):
@@ -395,14 +400,17 @@ def _likeliest(loads: LoadedRuns, all_loads: LoadHypotheses, single_runs: LoadHy
     return issues
 
 
-def _refitted(hypotheses: LoadHypotheses, loads: LoadedRuns) -> list[Issue]:
-    """Find the mistake without a size that explains the readings best, if one does."""
-    before, tried = loads.residual_model, list[tuple[ResidualModel, Issue, float]]()
-    loads = replace(loads, residual_model=None)  # linear mistakes have been tested
+def _refitted(
+    hypotheses: Sequence[Hypothesis[LoadedRuns]], loads: LoadedRuns, before: ResidualModel | None = None
+) -> list[Issue]:
+    """Find the mistake without a size that explains the readings best, if one does.
+
+    `before` is the model of the runs as they are; None if no compliances fit them.
+    """
+    tried = list[tuple[ResidualModel, Issue, float]]()
     for hypothesis in hypotheses:
         for correction in hypothesis.corrections(loads):
-            if correction.corrected_data is None:
-                continue
+            assert correction.corrected_data is not None
             try:
                 refit = fit_residual_model(correction.corrected_data)
             except BenchError:  # moves against the force

@@ -114,8 +114,7 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     of_loads = _load_issues(loads, hypotheses)
     if any(issue.name == "mounting" for issue in of_loads):
         return [*of_loads, *issues]
-    of_runs = {row.name for row in hypotheses.single_runs}
-    if all(issue.name in of_runs for issue in of_loads):
+    if all(issue.name in hypotheses.loads.single_run_names for issue in of_loads):
         return [*moves, *issues, *of_loads]
     return [*issues, *of_loads, *moves]
 
@@ -126,8 +125,7 @@ def _along_lines(registered: RegisteredDataset, prior: Prior, hypotheses: Hypoth
     if against := issues_without_fit(data, hypotheses.force_work):
         return against
     loads = LoadedRuns(vjm, scale_by_prior(prior, vjm, all153(vjm.arm)), data, None)
-    every = tuple(row for row in hypotheses.all_loads if row.name != "tracker_moved")
-    return _load_issues(loads, replace(hypotheses, all_loads=every))
+    return _load_issues(loads, hypotheses)
 
 
 def _kinematic_issues(
@@ -218,12 +216,12 @@ def _load_issues(loads: LoadedRuns, hypotheses: Hypotheses) -> list[Issue]:
     subsets = [
         select_runs(data, np.arange(data.n_runs) % parts == k) for k in range(min(parts, MAX_RUN_BATCHES))
     ]
-    issues = find_load_issues(replace(loads, data=subsets[0]), hypotheses.all_loads, hypotheses.single_runs)
-    runs = {row.name for row in hypotheses.single_runs}
+    runs = hypotheses.loads.single_run_names
+    issues = find_load_issues(replace(loads, data=subsets[0]), hypotheses.loads)
     if any(issue.name not in runs for issue in issues):
         return issues
     for subset in stepwise(subsets[1:], "looking for mistakes"):
-        more = find_load_issues(replace(loads, data=subset), hypotheses.all_loads, hypotheses.single_runs)
+        more = find_load_issues(replace(loads, data=subset), hypotheses.loads)
         issues += [issue for issue in more if issue.name in runs]
     return sorted(issues, key=lambda issue: -(issue.log_likelihood_gain or 0))
 

@@ -22,7 +22,9 @@ from testbench.identify.diagnosis.deflections import (
     MIN_GAIN,
     MIN_GAIN_OF_ALL_LOADS,
     MIN_GAIN_OF_RUN,
+    FittedRuns,
     LoadedRuns,
+    LoadHypotheses,
     load_levels,
 )
 from testbench.identify.diagnosis.gravity import mounting_issue, with_gravity_along
@@ -101,6 +103,7 @@ ORIENTATION_NOTATIONS: Mapping[str, EulerAxes] = {
 """Usual notations of an orientation by three numbers: the name in a map, and SciPy's axes."""
 KinematicCorrections = Iterator[Correction[Observations]]
 LoadCorrections = Iterator[Correction[LoadedRuns]]
+SizedCorrections = Iterator[Correction[FittedRuns]]
 
 
 # --- Without a fit: copied readings, absurd load points, moves against the force ----------------------------
@@ -560,25 +563,25 @@ def _mounting_sentence(issue: Issue, _: Arm) -> str:
 
 
 def _sized_correction(
-    loads: LoadedRuns, prior_deviation: float, min_size: float, corrected: Sequence[Dataset]
-) -> Correction[LoadedRuns]:
+    fitted: FittedRuns, prior_deviation: float, min_size: float, corrected: Sequence[Dataset]
+) -> Correction[FittedRuns]:
     """Describe a mistake of unknown size by data sets with one prior deviation of it corrected in each."""
-    Z = loads.mistake_jacobian(corrected)
+    Z = fitted.mistake_jacobian(corrected)
     return Correction(jacobian=Z, prior_deviation=prior_deviation, is_large=any_component_above(min_size))
 
 
-def _force_offset(loads: LoadedRuns) -> LoadCorrections:
-    if loads.residual_model is not None and loads.largest_force > 0:
-        data, size = loads.data, PRIOR_FORCE_OFFSET_SHARE * loads.largest_force
+def _force_offset(fitted: FittedRuns) -> SizedCorrections:
+    data, largest = fitted.runs.data, fitted.runs.largest_force
+    if largest > 0:
+        size = PRIOR_FORCE_OFFSET_SHARE * largest
         corrected = [replace(data, wrench=data.wrench + size * e) for e in np.eye(6)[:3]]
-        yield _sized_correction(loads, size, MIN_FORCE_OFFSET_SHARE * loads.largest_force, corrected)
+        yield _sized_correction(fitted, size, MIN_FORCE_OFFSET_SHARE * largest, corrected)
 
 
-def _load_point(loads: LoadedRuns) -> LoadCorrections:
-    if loads.residual_model is not None:
-        data = loads.data
-        corrected = [replace(data, point=data.point + PRIOR_LOAD_POINT_ERROR * e) for e in np.eye(3)]
-        yield _sized_correction(loads, PRIOR_LOAD_POINT_ERROR, MIN_LOAD_POINT_ERROR, corrected)
+def _load_point(fitted: FittedRuns) -> SizedCorrections:
+    data = fitted.runs.data
+    corrected = [replace(data, point=data.point + PRIOR_LOAD_POINT_ERROR * e) for e in np.eye(3)]
+    yield _sized_correction(fitted, PRIOR_LOAD_POINT_ERROR, MIN_LOAD_POINT_ERROR, corrected)
 
 
 def _load_point_sentence(issue: Issue, _: Arm) -> str:
@@ -591,28 +594,26 @@ def _load_point_sentence(issue: Issue, _: Arm) -> str:
     return f"the load acts ({_vector_text(issue.size, MM, 0)}) mm from the stated point, in the tool's axes"
 
 
-def _touched_tracker(loads: LoadedRuns) -> LoadCorrections:
+def _touched_tracker(fitted: FittedRuns) -> SizedCorrections:
     """Try a tracker, of each station, that moved between the two readings of every run."""
-    if loads.residual_model is None:
+    data, y = fitted.runs.data, fitted.runs.data.after
+    if data.is_line_reading.any():  # a gauge has no tracker
         return
-    data, y = loads.data, loads.data.after
     moves = [*np.eye(3), *(np.cross(e, y - y[data.is_measured].mean(axis=0)) for e in np.eye(3))]
     for name in (station_number(series.frame) for series in unloaded_series(data)):
         here = PRIOR_TRACKER_SHIFT * runs_of_station(data, name)[:, None, None]
         corrected = [replace(data, after=y - here * move) for move in moves]
-        correction = _sized_correction(loads, PRIOR_TRACKER_SHIFT, MIN_TRACKER_SHIFT, corrected)
+        correction = _sized_correction(fitted, PRIOR_TRACKER_SHIFT, MIN_TRACKER_SHIFT, corrected)
         yield replace(correction, where=() if data.station is None else (str(name),))
 
 
-def _level(loads: LoadedRuns) -> LoadCorrections:
+def _level(fitted: FittedRuns) -> SizedCorrections:
     """Try a wrong factor of the loads of each load level."""
-    data, levels = loads.data, load_levels(loads.data)
-    if loads.residual_model is None or len(levels) < 2:
-        return
-    for level in levels:
+    data, levels = fitted.runs.data, load_levels(fitted.runs.data)
+    for level in levels if len(levels) > 1 else ():
         force = float(np.linalg.norm(data.wrench[level, :3], axis=1).mean())
         corrected = replace(data, wrench=data.wrench * (1 + PRIOR_LOAD_ERROR * level)[:, None])
-        correction = _sized_correction(loads, PRIOR_LOAD_ERROR, MIN_LEVEL_ERROR, [corrected])
+        correction = _sized_correction(fitted, PRIOR_LOAD_ERROR, MIN_LEVEL_ERROR, [corrected])
         yield replace(correction, details={"force": force})
 
 
@@ -650,22 +651,19 @@ def _levels(loads: LoadedRuns) -> LoadCorrections:
     yield Correction(corrected_data=replace(loads, data=replace(data, wrench=data.wrench * factor[:, None])))
 
 
-def _equations_of_runs(loads: LoadedRuns) -> Iterator[tuple[str, tuple[int, int]]]:
+def _equations_of_runs(fitted: FittedRuns) -> Iterator[tuple[str, tuple[int, int]]]:
     """Yield the name of every run and the range of its equations, three per reading."""
-    assert loads.residual_model is not None
-    run = loads.residual_model.readings.run_index
-    for r, name in enumerate(map(str, loads.data.run_id)):
+    run = fitted.model.readings.run_index
+    for r, name in enumerate(map(str, fitted.runs.data.run_id)):
         first, end = np.searchsorted(run, [r, r + 1])
         if first < end:
             yield name, (3 * int(first), 3 * int(end))
 
 
-def _run_load(loads: LoadedRuns) -> LoadCorrections:
+def _run_load(fitted: FittedRuns) -> SizedCorrections:
     """Try a wrong factor of the load of each run."""
-    if loads.residual_model is None:
-        return
-    deflections = (loads.residual_model.readings.A @ loads.residual_model.pi).ravel()
-    for name, equations in _equations_of_runs(loads):
+    deflections = (fitted.model.readings.A @ fitted.model.pi).ravel()
+    for name, equations in _equations_of_runs(fitted):
         yield Correction(
             (name,),
             jacobian=PRIOR_LOAD_ERROR * deflections[slice(*equations), None],
@@ -675,20 +673,19 @@ def _run_load(loads: LoadedRuns) -> LoadCorrections:
         )
 
 
-def _displaced_targets(loads: LoadedRuns, *, all_targets: bool) -> LoadCorrections:
+def _displaced_targets(fitted: FittedRuns, *, all_targets: bool) -> SizedCorrections:
     """Try displaced targets of one run, each displaced independently: all of them, or one."""
-    if (model := loads.residual_model) is None:
-        return
+    model, data = fitted.model, fitted.runs.data
     size = PRIOR_TARGET_SHIFT / np.repeat(model.readings.standard_deviation, 3)
-    least = float(np.max([MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS * loads.data.sigma * model.misfit]))
+    least = float(np.max([MIN_READING_ERROR, MIN_READING_ERROR_SIGMAS * data.sigma * model.misfit]))
 
     def is_large(displacement: Array) -> bool:
         return bool(np.linalg.norm(displacement) > least)
 
-    for name, every in _equations_of_runs(loads):
+    for name, every in _equations_of_runs(fitted):
         for equations in [every] if all_targets else [(k, k + 3) for k in range(*every, 3)]:
             target = model.readings.marker_index[equations[0] // 3]
-            label = () if all_targets or target < 0 else (loads.data.markers[target],)
+            label = () if all_targets or target < 0 else (data.markers[target],)
             yield Correction(
                 (name, *label),
                 jacobian=np.diag(size[slice(*equations)]),
@@ -758,15 +755,13 @@ class Hypotheses:
     #: Tested on residuals of single poses and readings, once the kinematics fit.
     single_poses: tuple[Hypothesis[FittedObservations], ...]
     force_work: tuple[Hypothesis[Dataset], ...]  #: Tested on the sign of the work that the forces do.
-    all_loads: tuple[Hypothesis[LoadedRuns], ...]  #: Mistakes in all loads, tested on the deflections.
-    single_runs: tuple[Hypothesis[LoadedRuns], ...]  #: Mistakes in single runs, tested on the deflections.
+    loads: LoadHypotheses  #: Mistakes in loads and single runs, tested on the deflections.
 
     @property
     def sentences(self) -> dict[str, tuple[Callable[[Issue, Arm], str], str]]:
         """Return, for each kind of mistake, the function that describes it and the question to the user."""
         parts = (
-            self.single_runs,
-            self.all_loads,
+            *vars(self.loads).values(),
             self.force_work,
             self.single_poses,
             self.kinematics,
@@ -829,53 +824,57 @@ HYPOTHESES = Hypotheses(
         Hypothesis("reading", partial(_off_poses, whole_poses=False), _reading_sentence),
     ),
     force_work=(Hypothesis("sign", _against, _against_sentence),),
-    all_loads=(
-        Hypothesis("mounting", _mounting, _mounting_sentence, min_gain=MIN_GAIN_OF_ALL_LOADS),
-        Hypothesis(
-            "force_offset",
-            _force_offset,
-            lambda issue, _: (
-                f"a constant force of ({_vector_text(issue.size, 1, 0)}) N is missing in every load"
+    loads=LoadHypotheses(
+        mounting=(Hypothesis("mounting", _mounting, _mounting_sentence, min_gain=MIN_GAIN_OF_ALL_LOADS),),
+        other_loads=(
+            Hypothesis("force_axes", _force_axes, _force_axes_sentence, min_gain=MIN_GAIN_OF_ALL_LOADS),
+            Hypothesis(
+                "levels",
+                _levels,
+                lambda *_: "the readings fit if the loads are in reversed order",
+                min_gain=MIN_GAIN_OF_ALL_LOADS,
             ),
-            "is the sensor's zero wrong?",
-            min_gain=MIN_GAIN,
         ),
-        Hypothesis("load_point", _load_point, _load_point_sentence, min_gain=MIN_GAIN),
-        Hypothesis("tracker_moved", _touched_tracker, _moved_sentence, min_gain=MIN_GAIN),
-        Hypothesis(
-            "level",
-            _level,
-            lambda issue, _: (
-                f"compared with the other loads, the load of {issue.details['force']:.4g} N acts as if it "
-                f"were {1 + issue.size[0]:.2f} times as large"
+        sized=(
+            Hypothesis(
+                "force_offset",
+                _force_offset,
+                lambda issue, _: (
+                    f"a constant force of ({_vector_text(issue.size, 1, 0)}) N is missing in every load"
+                ),
+                "is the sensor's zero wrong?",
+                min_gain=MIN_GAIN,
             ),
-            "is its mass right?",
-            min_gain=MIN_GAIN_OF_RUN,
-        ),
-        Hypothesis("force_axes", _force_axes, _force_axes_sentence, min_gain=MIN_GAIN_OF_ALL_LOADS),
-        Hypothesis(
-            "levels",
-            _levels,
-            lambda *_: "the readings fit if the loads are in reversed order",
-            min_gain=MIN_GAIN_OF_ALL_LOADS,
-        ),
-    ),
-    single_runs=(
-        Hypothesis("run_load", _run_load, _run_load_sentence, min_gain=MIN_GAIN_OF_RUN),
-        Hypothesis(
-            "run",
-            partial(_displaced_targets, all_targets=True),
-            lambda issue, _: (
-                f"run {issue.where[0]}: its targets are {_distance(issue):.2g} mm from where the load should "
-                "move them"
+            Hypothesis("load_point", _load_point, _load_point_sentence, min_gain=MIN_GAIN),
+            Hypothesis("tracker_moved", _touched_tracker, _moved_sentence, min_gain=MIN_GAIN),
+            Hypothesis(
+                "level",
+                _level,
+                lambda issue, _: (
+                    f"compared with the other loads, the load of {issue.details['force']:.4g} N acts as if "
+                    f"it were {1 + issue.size[0]:.2f} times as large"
+                ),
+                "is its mass right?",
+                min_gain=MIN_GAIN_OF_RUN,
             ),
-            min_gain=MIN_GAIN_OF_RUN,
         ),
-        Hypothesis(
-            "reading",
-            partial(_displaced_targets, all_targets=False),
-            _reading_sentence,
-            min_gain=MIN_GAIN_OF_RUN,
+        single_runs=(
+            Hypothesis("run_load", _run_load, _run_load_sentence, min_gain=MIN_GAIN_OF_RUN),
+            Hypothesis(
+                "run",
+                partial(_displaced_targets, all_targets=True),
+                lambda issue, _: (
+                    f"run {issue.where[0]}: its targets are {_distance(issue):.2g} mm from where the load "
+                    "should move them"
+                ),
+                min_gain=MIN_GAIN_OF_RUN,
+            ),
+            Hypothesis(
+                "reading",
+                partial(_displaced_targets, all_targets=False),
+                _reading_sentence,
+                min_gain=MIN_GAIN_OF_RUN,
+            ),
         ),
     ),
 )
