@@ -3,7 +3,7 @@
 Quantities of a calibration that readings do not determine, and what they hide behind, in sentences.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -452,8 +452,7 @@ FREE_DEVIATION = 0.01
 and not so much that rounding would hide the rest."""
 SINGLE = {kind: name for name, kind in SINGLE_COEFFICIENT_ERRORS.items()}
 STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling that beams lack"
-ERROR = "'s error of "  #: Between a joint and the orders of its periodic errors.
-MAX_NAMED_BANDS = 2  #: Bands of one joint's errors that are named one by one.
+ERROR = "'s error of order "  #: Between a joint and the orders of its periodic errors.
 
 
 def unobservable(
@@ -516,7 +515,9 @@ def structure_words(found: StructuralDirections, joints: Sequence[str], complian
 
 
 def sentences(found: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> tuple[str, ...]:
-    """Write one sentence per advice for what is not seen, one for errors of a joint among themselves.
+    """Write what is not seen: what nothing explains in one sentence per advice, else one per quantity.
+
+    Errors of a joint that hide behind others of the same joint share a sentence.
 
     Args:
         found: Hidden quantities.
@@ -525,111 +526,47 @@ def sentences(found: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> t
     Returns:
         The sentences.
     """
-    behind = [hidden_quantity for hidden_quantity in found if hidden_quantity.confounded_with]
-    said = [
-        _words(hidden_quantity, joints)
-        for hidden_quantity in behind
-        if not _among_themselves(hidden_quantity)
-    ]
-    said += [
-        _mutual(own, joints)
-        for own in _grouped(
-            [hidden_quantity for hidden_quantity in behind if _among_themselves(hidden_quantity)]
-        )
-    ]
-    unseen = [hidden_quantity for hidden_quantity in found if not hidden_quantity.confounded_with]
-    for advice in dict.fromkeys(hidden_quantity.joint_to_turn for hidden_quantity in unseen):
-        said.append(
-            _unseen(
-                [hidden_quantity for hidden_quantity in unseen if hidden_quantity.joint_to_turn == advice],
-                joints,
-            )
-        )
-    return tuple(said)
+    groups: dict[tuple[str, int | None], list[UndeterminedQuantity]] = {}
+    for hidden in found:
+        joint = hidden.name.partition(ERROR)[0]
+        own_errors = {name.partition(ERROR)[0] for name in hidden.confounded_with} == {joint}
+        subject = (joint if own_errors else hidden.name) if hidden.confounded_with else ""
+        groups.setdefault((subject, hidden.joint_to_turn), []).append(hidden)
+    return tuple(_sentence(own, joints) for own in groups.values())
 
 
-def _words(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
-    left = f"{100 * hidden_quantity.remaining_variance_share:.0f} % of its prior variance remains"
-    if not hidden_quantity.confounded_with:
-        return f"{hidden_quantity.name} is not determined ({left}){_advice(hidden_quantity, joints)}"
-    behind = " and ".join(
-        filter(None, [", ".join(hidden_quantity.confounded_with[:-1]), hidden_quantity.confounded_with[-1]])
-    )
-    return (
-        f"{hidden_quantity.name} cannot be separated from {behind} "
-        f"(correlation {hidden_quantity.multiple_correlation:.2f}, {left}){_advice(hidden_quantity, joints)}"
-    )
+def _sentence(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
+    """Describe quantities that hide alike, and how to see them."""
+    names = _listed(hidden.name for hidden in own)
+    shares = _range_text([100 * hidden.remaining_variance_share for hidden in own], 0)
+    left = f"{shares} % of the prior variance remains"
+    if behind := _listed(name for hidden in own for name in hidden.confounded_with):
+        correlation = _range_text([hidden.multiple_correlation for hidden in own], 2)
+        words = f"{names} cannot be separated from {behind} (correlation {correlation}, {left})"
+    else:
+        words = f"{names} {'is' if len(own) == 1 else 'are'} not determined ({left})"
+    turn = own[0].joint_to_turn
+    if turn is None:
+        return words
+    if turn < 0:
+        return f"{words}: {POSES_PER_TURNED_JOINT} more poses hardly help; another load may help"
+    return f"{words}: turn {f'{joints[turn]} more' if turn < len(joints) else 'several joints together'}"
 
 
-def _advice(hidden_quantity: UndeterminedQuantity, joints: Sequence[str]) -> str:
-    """What would show it; nothing where that was not asked for."""
-    if hidden_quantity.joint_to_turn is None:
-        return ""
-    if hidden_quantity.joint_to_turn < 0:
-        return f": {POSES_PER_TURNED_JOINT} more poses hardly help; another load may help"
-    return (
-        f": turn {joints[hidden_quantity.joint_to_turn]} more"
-        if hidden_quantity.joint_to_turn < len(joints)
-        else ": turn several joints together"
+def _listed(names: Iterable[str]) -> str:
+    """List quantities, the periodic errors of a joint as one."""
+    orders: dict[str, list[str]] = {}
+    for name in dict.fromkeys(names):
+        subject, _, order = name.partition(ERROR)
+        orders.setdefault(subject, []).extend([order] if order else [])
+    return ", ".join(
+        f"{subject}{ERROR}{', '.join(own)}" if own else subject for subject, own in orders.items()
     )
 
 
-def _joint(name: str) -> str:
-    """The joint of a periodic error, nothing for other quantities."""
-    return name.split(ERROR)[0] if ERROR in name else ""
-
-
-def _among_themselves(hidden_quantity: UndeterminedQuantity) -> bool:
-    """Whether a joint's error hides behind others of the same joint alone."""
-    return bool(_joint(hidden_quantity.name)) and all(
-        _joint(name) == _joint(hidden_quantity.name) for name in hidden_quantity.confounded_with
-    )
-
-
-def _grouped(found: Sequence[UndeterminedQuantity]) -> list[list[UndeterminedQuantity]]:
-    """By joint and advice, in their order."""
-    keys = dict.fromkeys(
-        (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) for hidden_quantity in found
-    )
-    return [
-        [
-            hidden_quantity
-            for hidden_quantity in found
-            if (_joint(hidden_quantity.name), hidden_quantity.joint_to_turn) == key
-        ]
-        for key in keys
-    ]
-
-
-def _mutual(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
-    if len(own) == 1:
-        return _words(own[0], joints)
-    orders = ", ".join(
-        hidden_quantity.name.split(ERROR)[1].removeprefix("orders ").removeprefix("order ")
-        for hidden_quantity in own
-    )
-    joint = _joint(own[0].name)
-    return f"{joint}'s errors of orders {orders} cannot be separated ({_left(own)}){_advice(own[0], joints)}"
-
-
-def _unseen(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str:
-    if len(own) == 1:
-        return _words(own[0], joints)
-    names: list[str] = []
-    for group in _grouped(own):
-        if not _joint(group[0].name) or len(group) <= MAX_NAMED_BANDS:
-            names += [hidden_quantity.name for hidden_quantity in group]
-        else:
-            names.append(f"{len(group)} bands of orders in the errors of {_joint(group[0].name)}")
-    return f"{', '.join(names)} are not determined ({_left(own)}){_advice(own[0], joints)}"
-
-
-def _left(own: Sequence[UndeterminedQuantity]) -> str:
-    shares = [
-        f"{100 * share:.0f}"
-        for share in sorted(hidden_quantity.remaining_variance_share for hidden_quantity in own)
-    ]
-    return f"{' to '.join(dict.fromkeys((shares[0], shares[-1])))} % of their prior variance remains"
+def _range_text(numbers: Sequence[float], digits: int) -> str:
+    ends = f"{min(numbers):.{digits}f}", f"{max(numbers):.{digits}f}"
+    return " to ".join(dict.fromkeys(ends))
 
 
 def quantities(unknowns: Unknowns) -> tuple[NamedQuantity, ...]:
@@ -691,8 +628,8 @@ def _bands(unknowns: Unknowns) -> Iterator[NamedQuantity]:
         for band in np.unique(bands[bands >= 0]) if not joint.prismatic else ():
             at = np.flatnonzero(bands == band)
             low, high = orders[at].min(), orders[at].max()
-            name = f"error of order {low}" if low == high else f"error of orders {low} to {high}"
-            yield _of(unknowns, f"{joint.name}'s {name}", own + at)
+            name = f"{joint.name}{ERROR}{low}" if low == high else f"{joint.name}{ERROR}{low} to {high}"
+            yield _of(unknowns, name, own + at)
         for kind in kinds[bands < 0]:
             name = f"{joint.name}'s {SINGLE[kind]}"
             yield _of(unknowns, name, own + np.flatnonzero(kinds == kind))
