@@ -13,7 +13,6 @@ from pydantic import Field, ValidationError, model_validator
 from testbench.arm.document import StrictModel, first_invalid_value, is_decimal, parse_toml, toml_place
 from testbench.arm.folder import Arm
 from testbench.errors import InputError, read_text
-from testbench.files.languages import FLAGS, known_languages
 from testbench.files.mapping import FileLayout, Map, Text
 from testbench.files.names import XYZ, find_unit, number_of, places, plain, split_unit, squeeze
 from testbench.files.text import (
@@ -54,7 +53,6 @@ class Fits(StrictModel):
     above: list[Text] = Field(default=[], max_length=100)
     #: Kinds of the cells in every row of a file without a header, one for each of `file.names`.
     cells: list[Kind] = Field(default=[], max_length=100)
-    language: Text | None = None  #: Name of a robot language, of a program.
 
 
 class Ordered(StrictModel):
@@ -70,7 +68,7 @@ class ExportLayout(Map):
 
     title: Text  #: Name in reports.
     source: str  #: Source of the facts about the format.
-    facts: Literal["documentation", "public files", "common use", "assumed"]  #: Kind of that source.
+    facts: Literal["documentation", "public files", "common use"]  #: Kind of that source.
     holds: list[Literal["positions", "joints"]] = Field(min_length=1)
     fits: Fits
     length: Literal["m", "mm"] | None = None  #: Unit of lengths where neither file nor columns say it.
@@ -82,12 +80,10 @@ class ExportLayout(Map):
     @model_validator(mode="after")
     def _recognised(self) -> "ExportLayout":
         fits = self.fits
-        if sum(map(bool, (fits.header, fits.cells, fits.language))) != 1:
-            raise ValueError("expected one of fits.header, fits.cells and fits.language")
+        if bool(fits.header) == bool(fits.cells):
+            raise ValueError("expected one of fits.header and fits.cells")
         if len([kind for kind in fits.cells if kind != MORE]) != len(self.file.names):
             raise ValueError("expected as many fits.cells as file.names")
-        if fits.language and fits.language not in known_languages():
-            raise ValueError(f"expected fits.language of {', '.join(known_languages())}")
         return self
 
 
@@ -156,7 +152,7 @@ def _asked(layout: ExportLayout) -> str:
     if fits.header:
         wanted = f"a line with the names {', '.join(fits.header)}"
     else:
-        wanted = f"rows of {len(fits.cells)} cells without a header" if fits.cells else "a program"
+        wanted = f"rows of {len(fits.cells)} cells without a header"
     return f"expected {wanted}" + f", after {' and '.join(map(repr, fits.above))}" * bool(fits.above)
 
 
@@ -201,16 +197,11 @@ def every_fitting(path: Path, arm: Arm) -> list[Fitting]:
     lines = split_lines(path, text)
     places = [k for k, line in enumerate(lines) if line.strip(BLANK)][: SEARCHED + LOOKED_AT]
     places = [k for k in places if len(lines[k]) <= WIDEST]
-    sheet = how.startswith(SHEET)
-    marks = ("\t",) if sheet else DELIMITERS
+    marks = ("\t",) if how.startswith(SHEET) else DELIMITERS
     divided = [_Divided(mark, [_row(lines[k], k, mark) for k in places], lines) for mark in marks]
     fittings = []
     for name, layout in known_layouts().items():
-        language = known_languages().get(layout.fits.language or "")
-        if language is None:
-            fittings += list(islice(_tables(name, layout, divided, arm), 1))
-        elif not sheet and re.search(f"^[ \\t]*({language.text})", text, FLAGS):
-            fittings.append(Fitting(name, layout, FileLayout()))
+        fittings += list(islice(_tables(name, layout, divided, arm), 1))
     fits = [own.layout.fits for own in fittings]
     return [own for own in fittings if not any(_says_less(own.layout.fits, other) for other in fits)]
 

@@ -255,7 +255,7 @@ def propose(
     if not stated.what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
         entries += turned
-    layouts = tuple(_called(source.fits) for source in every if source.fits)
+    layouts = tuple(f"{fits.name} ({fits.layout.title})" for fits in (own.fits for own in every) if fits)
     return Proposal(tuple(entries), layouts, asked)
 
 
@@ -487,12 +487,6 @@ def _orientations(
     if best is None:
         return [], f"the columns of orientations: {unclear(fits)}"
     return next(columns for fit, columns in found if fit is best), ""
-
-
-def _called(one: Fitting) -> str:
-    """Name a layout with its title; of an assumed one also say what that means."""
-    guess = ". This layout is assumed: compare names and units" if one.layout.facts == "assumed" else ""
-    return f"{one.name} ({one.layout.title}){guess}"
 
 
 def fit_of_series(arm: Arm, series: Series) -> OrientationFit | None:

@@ -45,7 +45,6 @@ def test_a_sample_is_read_to_the_last_digit_by_its_own_layout_and_by_no_other(na
         log = part(tmp_path / "robot.csv", range(7))
     proposal = propose(file, ARM, log, tmp_path)
     (tmp_path / "map.toml").write_text(map_text(proposal.entries))
-    assert any("is assumed" in own for own in proposal.layouts) == (layout.facts == "assumed")
     [series] = read_series(file, ARM, tmp_path / "map.toml").series
     targets = len(series.markers)
     order = [series.markers.index(marker) for marker in ARM.markers] if targets > 1 else [0]
@@ -60,34 +59,32 @@ def test_our_own_files_are_of_no_layout():
 
 
 def test_two_layouts_that_fit_are_both_named_and_one_may_be_chosen(tmp_path):
-    rows = "".join(
-        f"{name},{name},{x},{y},{z},15,15,15\n"
-        for name, (x, y, z) in zip("abcdef", 1e3 * X[:, 0], strict=True)
-    )
-    head = "PointName,Point ID,X [mm],Y [mm],Z [mm],Sx [um],Sy [um],Sz [um]\n"
-    (file := tmp_path / "both.csv").write_text(head + rows)
-    flags = [ARM.name, file, "--log", part(tmp_path / "robot.csv", range(1, 7))]
+    names = [*(f"{x}1" for x in "xyz"), "timestamp", *(f"actual_q_{k}" for k in range(6))]
+    names += [f"joint_{k}" for k in range(1, 7)]
+    rows = [[*map(str, [*X[k, 0], k, *Q[k], *Q[k]])] for k in range(6)]
+    (file := tmp_path / "both.csv").write_text("".join(",".join(row) + "\n" for row in [names, *rows]))
     for command in ("check", "map"):
-        line = is_refused(do("data", command, *flags), "fits the layouts api_tracker (API tracker, points")
-        assert "and leica_tracker_pilot (Leica Tracker Pilot, points); choose one by --layout NAME" in line
+        line = is_refused(do("data", command, ARM.name, file), "fits the layouts figaroh (FIGAROH, data of")
+        assert "and ur_rtde (Universal Robots, record of RTDE); choose one by --layout NAME" in line
     assert not file.with_suffix(".toml").exists()
-    entries = propose(file, ARM, flags[-1], tmp_path, "api_tracker").entries
-    assert ("columns", "sigma_{axis}", "S{axis}", "") in entries
-    is_refused(do("data", "map", *flags, "--layout", "figaroh"), "expected a line with the names x1, y1, z1")
-    is_refused(do("data", "map", *flags, "--layout", "none"), "no layout 'none'; layouts are abb_rapid, ")
+    entries = propose(file, ARM, None, tmp_path, "ur_rtde").entries
+    assert ("columns", "joint_{n0}_rad", "actual_q_{n0}", "") in entries
+    flags = [ARM.name, file, "--layout"]
+    is_refused(do("data", "map", *flags, "delmia_auto_id"), "expected rows of 8 cells without a header")
+    is_refused(do("data", "map", *flags, "none"), "no layout 'none'; layouts are delmia_auto_id, ")
     is_refused(
-        do("data", "check", *flags, "--map", tmp_path / "m.toml"),
+        do("data", "check", *flags, "figaroh", "--map", tmp_path / "m.toml"),
         "--map states the log, loaded file and layout",
     )
 
 
 def test_data_check_takes_the_layout_that_fits_and_prints_the_map_to_save(tmp_path):
-    (file := tmp_path / "take.csv").write_bytes((FOLDER / "vicon_nexus.sample").read_bytes())
+    (file := tmp_path / "take.csv").write_bytes((FOLDER / "motion_capture.sample").read_bytes())
     flags = [ARM.name, file, "--log", part(tmp_path / "robot.csv", range(7))]
     done = do("data", "check", *flags)
     assert (done.returncode, done.stderr) == (0, "")
     said, _, rest = done.stdout.partition("Save this map as take.toml and give it with --map:\n\n")
-    assert "layout     vicon_nexus (Vicon Nexus, trajectories as CSV)" in said
+    assert "layout     motion_capture (Motion capture of OptiTrack Motive, Vicon Nexus and others" in said
     fine("data", "map", *flags)
     assert rest.startswith(file.with_suffix(".toml").read_text())
     assert "6 readings" in rest
@@ -95,17 +92,17 @@ def test_data_check_takes_the_layout_that_fits_and_prints_the_map_to_save(tmp_pa
 
 
 def test_data_check_shows_pairs_of_a_layout_as_runs(tmp_path):
-    head = "Messpunkt;X [mm];Y [mm];Z [mm];Last [kg];" + ";".join(f"Achse {k} [°]" for k in range(1, 7))
+    head = [f"{x}{m}" for m in (1, 2, 3) for x in "xyz"] + [f"joint_{k}" for k in range(1, 7)]
     rows = [
-        ";".join([f"P{m + 1}", *(f"{1e3 * x:.3f}" for x in X[k, m] - down), str(mass), *joints])
-        for k, joints in enumerate(NUMBERS[:, :6].astype(str))
-        for mass, down in ((0, np.zeros(3)), (240, np.array([0, 0, 0.003])))
-        for m in range(3)
+        [*map(str, (X[k] - down).ravel()), *map(str, Q[k]), str(mass)]
+        for k in range(6)
+        for mass, down in ((0, np.zeros(3)), (240, np.array([0, 0, 3e-6])))
     ]
-    (file := tmp_path / "pairs.csv").write_text("\n".join([head, *rows, ""]))
+    lines = [[*head, "mass [kg]"], *rows]
+    (file := tmp_path / "pairs.csv").write_text("".join(",".join(line) + "\n" for line in lines))
     said = fine("data", "check", ARM.name, file)
-    assert "layout table_german (Table with German names)" in said
-    assert "size: 36 rows, 6 runs, 6 poses, 1 station" in said
+    assert "layout figaroh (FIGAROH, data of a calibration)" in said
+    assert "size: 12 rows, 6 runs, 6 poses, 1 station" in said
     assert "240 kg" in said
 
 
@@ -145,11 +142,11 @@ def test_numbers_of_a_cell_are_joints_with_anything_between_them_and_no_fewer(tm
 
 
 def test_a_word_for_a_lost_target_is_found_in_the_table_of_a_layout(tmp_path):
-    content = (FOLDER / "api_tracker.sample").read_text()
-    lost = "".join(f",{x:.3f}" for x in 1e3 * X[2, 0])
+    content = (FOLDER / "robot_calibration.sample").read_text()
+    lost = "".join(f",{x:.6f}" for x in X[2, 0])
     assert lost in content
-    (file := tmp_path / "api.csv").write_text(content.replace(lost, ",---,---,---"))
-    proposal = propose(file, ARM, part(tmp_path / "robot.csv", range(7)), tmp_path)
+    (file := tmp_path / "ros.csv").write_text(content.replace(lost, ",---,---,---"))
+    proposal = propose(file, ARM, None, tmp_path)
     [series] = read_series(file, ARM, proposal.map()).series
     np.testing.assert_allclose(series.position[:, 0], X[[0, 1, 3, 4, 5], 0], rtol=0, atol=1e-12)
 
