@@ -58,13 +58,16 @@ COUNTED = "0 means unloaded, 1 or d means loaded, because another column names t
 DEVIATIONS = {f"{what}_{x}": f"sigma_{x}" for what in ("sigma", "u95") for x in XYZ}
 
 
-def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[str]) -> Iterator[Entry]:
+def columns_by_name(
+    table: TableCells, arm: Arm, *, length: str, angle: str, said: Collection[str]
+) -> Iterator[Entry]:
     """Guess the columns of joints, positions, scatter, mass and temperature by their names, with their units.
 
     Args:
         table: The export, with what the log adds.
         arm: The arm.
-        length: Unit of lengths that the lines above the header state; "" where they state none.
+        length: Unit of lengths that the file or its layout states; "" where they state none.
+        angle: Unit of joints that turn, likewise.
         said: Quantities that a layout states; they are not guessed.
 
     Yields:
@@ -75,7 +78,7 @@ def columns_by_name(table: TableCells, arm: Arm, length: str, said: Collection[s
     """
     known = _by_meaning(table)
     if "joint" not in said:
-        yield from _joints(table, arm)
+        yield from _joints(table, arm, angle)
     if "reading" not in said:
         yield from _readings(table, arm, length, known)
     if "mass" not in said:
@@ -177,14 +180,13 @@ def _three_angles(table: TableCells, columns: Sequence[int], parts: Sequence[str
         yield [Entry("columns", f"rotation_{part}{unit}", table.names[k]) for part, k in both]
 
 
-def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
+def _joints(table: TableCells, arm: Arm, angle: str) -> Iterator[Entry]:
     """The columns of joints by their names."""
     joints, *others = joint_families(table.names, arm) or [[]]
     if joints:
-        unit, why = angle_unit(table, joints)
-        if names := _names_beside(table, joints):
-            how = Ordered(names=names, values=_pattern(table.names[joints[0]]), unit=unit[1:])  # type: ignore[arg-type]
-            yield from ordered_joints(how, table, arm)
+        unit, why = (f"_{angle}", "") if angle else angle_unit(table, joints)
+        if how := _ordered(table, joints):
+            yield from ordered_joints(how, table, arm, unit[1:])
             return
         for joint, k, *alike in zip(arm.file_joints, joints, *others, strict=True):
             own = ("_m" if joint.prismatic else unit) * (unit_of(table, k) is None)
@@ -194,26 +196,26 @@ def _joints(table: TableCells, arm: Arm) -> Iterator[Entry]:
         yield _joint_cells(table, arm)
 
 
-def _names_beside(table: TableCells, joints: Sequence[int]) -> str:
-    """Numbered columns that name the joints beside those of their positions, as ROS does; "" without them."""
-    values = _pattern(table.names[joints[0]])
+def _ordered(table: TableCells, joints: Sequence[int]) -> Ordered | None:
+    """Numbered columns of joints whose names stand in columns beside them, as ROS has; None without these."""
+    first = table.names[joints[0]]
+    *_, last = [None, *NUMBER.finditer(first)]
+    if last is None:
+        return None
+    values = f"{first[: last.start()]}{{{'n' if int(last[0]) else 'n0'}}}{first[last.end() :]}"
     names = POSITION.sub("name", values)
-    return names if names != values and {*numbered(names, len(joints))} <= {*table.names} else ""
+    beside = names != values and {*numbered(names, len(joints))} <= {*table.names}
+    return Ordered(names=names, values=values) if beside else None
 
 
-def _pattern(name: str) -> str:
-    """The name of the first of numbered columns for all of them, such as "position_{n0}"."""
-    *_, last = NUMBER.finditer(name)
-    return f"{name[: last.start()]}{{{'n' if int(last[0]) else 'n0'}}}{name[last.end() :]}"
-
-
-def ordered_joints(how: Ordered, table: TableCells, arm: Arm) -> list[Entry]:
+def ordered_joints(how: Ordered, table: TableCells, arm: Arm, angle: str) -> list[Entry]:
     """List the joints of a table by the names that stand beside them.
 
     Args:
         how: Where names and values are: a column for each joint, or lists in one column.
         table: The table.
         arm: The arm; if it has other names, its joints are those of the file in their order, as a guess.
+        angle: Unit of joints that turn; a slide is in m.
 
     Returns:
         Lines of the map.
@@ -235,7 +237,7 @@ def ordered_joints(how: Ordered, table: TableCells, arm: Arm) -> list[Entry]:
     if not {*own} <= {*said}:
         why = f"the joints {', '.join(said)} of the file are those of the arm in this order"
         said = [*own, *said[len(own) :]]
-    units = {joint.name: "m" if joint.prismatic else how.unit for joint in arm.file_joints}
+    units = {joint.name: "m" if joint.prismatic else angle for joint in arm.file_joints}
     if how.values not in table.names:
         values = dict(zip(said, numbered(how.values, len(table.names)), strict=False))
         return [Entry("columns", f"{name}_{units[name]}", values[name], why) for name in own]

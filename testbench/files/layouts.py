@@ -60,7 +60,6 @@ class Ordered(StrictModel):
 
     names: Text  #: Columns of the joints' names, such as "name{n}".
     values: Text  #: Columns of their positions, such as "position{n}".
-    unit: Literal["deg", "rad"]  #: Of joints that turn; a slide is in m.
 
 
 class ExportLayout(Map):
@@ -72,6 +71,7 @@ class ExportLayout(Map):
     holds: list[Literal["positions", "joints"]] = Field(min_length=1)
     fits: Fits
     length: Literal["m", "mm"] | None = None  #: Unit of lengths where neither file nor columns say it.
+    angle: Literal["deg", "rad"] | None = None  #: Unit of joints that turn where their columns do not say it.
     times: list[Text] = Field(default=[], max_length=100)  #: Columns that together state the time of a row.
     joints: Ordered | None = None
     #: Where the targets of columns X, Y, Z are named: "above" them, or behind this word in a line above.
@@ -84,6 +84,8 @@ class ExportLayout(Map):
             raise ValueError("expected one of fits.header and fits.cells")
         if len([kind for kind in fits.cells if kind != MORE]) != len(self.file.names):
             raise ValueError("expected as many fits.cells as file.names")
+        if self.joints and not self.angle:
+            raise ValueError("expected the angle (deg or rad) of joints")
         return self
 
 

@@ -7,7 +7,7 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -28,16 +28,11 @@ from testbench.files.beside import (
 )
 from testbench.files.guess import (
     DIRECTED,
-    PLACE,
-    SCATTER,
     Entry,
-    angle_unit,
     gauges_in_names,
-    length_unit,
     loads_in_names,
     lost_words,
     reasons,
-    unit_of,
 )
 from testbench.files.guessed_columns import (
     columns_by_name,
@@ -47,11 +42,10 @@ from testbench.files.guessed_columns import (
     require_positions,
 )
 from testbench.files.guessed_names import TARGETS, WORD, names_by_cells
-from testbench.files.layouts import Fitting, stated_length_unit
-from testbench.files.mapping import Log, Map, Named, read_map, without_holes
+from testbench.files.layouts import ExportLayout, Fitting, stated_length_unit
+from testbench.files.mapping import Log, Map, read_map, without_holes
 from testbench.files.names import (
     ROTATIONS,
-    SI,
     are_markers,
     column_meaning,
     joints_of,
@@ -156,6 +150,8 @@ def _in_turn(table: TableCells, count: int) -> bool:
 # --- A map proposed for an export: by the layout that fits it, else by the names of its columns ------------
 
 WHOLES = {"joint": "{joints_", "reading": "{position_"}  #: Quantities that a cell may hold together.
+STATED = {"series", "columns", "optional", "scale", "cells", "words", "values"}
+"""Tables of a map by which a layout says what columns mean."""
 
 
 def map_text(entries: Sequence[Entry]) -> str:
@@ -243,16 +239,20 @@ def propose(
     above = export.fits.above if export.fits else lines_above(export.table)
     length = stated_length_unit(above) or unit_in_cells(table)
     length = length or (export.fits and export.fits.layout.length) or ""
-    stated = Stated()
+    angle, said = "", dict[str, str]()
+    entries += points
     for source in every:
         if source.fits:
-            stated.add(source.fits, table, arm, length)
-            stated.order(source.fits, source.table, arm)
-    entries += [*points, *stated.entries, *columns_by_name(table, arm, length, stated.what)]
-    entries += names_by_cells(table, arm, stated.names)
+            own, of = _stated(source.fits.layout, source.table, table, arm)
+            entries += own
+            said |= of
+            angle = source.fits.layout.angle or angle
+    what = {*said.values()}
+    entries += columns_by_name(table, arm, length=length, angle=angle, said=what)
+    entries += names_by_cells(table, arm, said)
     entries = [_with_holes(own, patterns) for own in entries]
     asked = ""
-    if not stated.what & {*ROTATIONS}:
+    if not what & {*ROTATIONS}:
         turned, asked = _orientations(path, arm, table, entries, log)
         entries += turned
     layouts = tuple(f"{fits.name} ({fits.layout.title})" for fits in (own.fits for own in every) if fits)
@@ -367,93 +367,36 @@ def _merged(table: TableCells, arm: Arm, alone: Mask, joints: Sequence[int]) -> 
     return [*joints, *alike] if alike or named else []
 
 
-@dataclass
-class Stated:
-    """Hold what layouts state about a table."""
+def _stated(
+    layout: ExportLayout, source: TableCells, table: TableCells, arm: Arm
+) -> tuple[list[Entry], dict[str, str]]:
+    """The map of a layout, and the quantity of each column that it names.
 
-    entries: list[Entry] = field(default_factory=list)
-    what: set[str] = field(default_factory=set)  #: Quantities, such as "joint" and "reading".
-    names: dict[str, str] = field(default_factory=dict)  #: Columns, and the quantity that each says.
-
-    def add(self, fits: Fitting, table: TableCells, arm: Arm, length: str) -> None:
-        """Add what a layout says of the columns of a table, each with its unit.
-
-        Args:
-            fits: The layout.
-            table: The export, with what the log adds.
-            arm: The arm.
-            length: Unit of lengths that the lines above the header state; "" where they state none.
-        """
-        layout, keys = fits.layout, dict[str, str]()
-        names = read_map(layout, arm, series_names)
-        found = {k: own for k, name in enumerate(table.names) if (own := names.find(name)) and own.mapped}
-        for part, pairs in (("columns", layout.columns), ("optional", layout.optional)):
-            for key, value in pairs.items():
-                columns = [k for k, named in found.items() if named.mapped == key]
-                if columns and not {found[k].slot.what for k in columns} & self.what:
-                    unit, why = _missing_unit(table, [(k, found[k]) for k in columns], length)
-                    keys[key] = key + unit
-                    self.entries += _by_joint(Entry(part, key + unit, _only(value), why), arm)
-        self.entries += [Entry("scale", keys[key], by) for key, by in layout.scale.items() if key in keys]
-        for part, texts in (("cells", layout.cells), ("words", layout.words)):
-            self.entries += [Entry(part, key, _only(own)) for key, own in texts.items()]
-        self.entries += [Entry("values", *pair) for pair in layout.values.items()]
-        said = layout.series.model_dump(exclude_defaults=True)
-        self.entries += [Entry("series", *pair) for pair in said.items()]
-        if "lost" not in layout.words:
-            readings = [k for k, named in found.items() if named.slot.what == "reading"]
-            self.entries += lost_words(table, readings)
-        self.what |= {named.slot.what for named in found.values()}
-        self.what |= {what for what, word in WHOLES.items() if word in str(layout.cells)}
-        self.names |= {table.names[k]: named.slot.what for k, named in found.items()}
-        self.names |= dict.fromkeys(layout.cells, "")
-
-    def order(self, fits: Fitting, table: TableCells, arm: Arm) -> None:
-        """Add the joints of a table that itself states their order.
-
-        Args:
-            fits: The layout that fits the table.
-            table: The table.
-            arm: The arm that was measured.
-        """
-        if fits.layout.joints:
-            self.entries += ordered_joints(fits.layout.joints, table, arm)
-            self.what.add("joint")
+    Args:
+        layout: The layout.
+        source: The table of the file that it fits.
+        table: The export, with what the log adds.
+        arm: The arm.
+    """
+    names = read_map(layout, arm, series_names)
+    said: dict[str, str] = {
+        name: own.slot.what for name in table.names if (own := names.find(name)) and own.mapped
+    }
+    for name, patterns in layout.cells.items():
+        said[name] = next((what for what, hole in WHOLES.items() if hole in str(patterns)), "")
+    parts = layout.model_dump(include=STATED, exclude_defaults=True)
+    entries = [Entry(part, key, _only(own)) for part, pairs in parts.items() for key, own in pairs.items()]
+    if "lost" not in layout.words:
+        entries += lost_words(table, [k for k, name in enumerate(table.names) if said.get(name) == "reading"])
+    if layout.joints and layout.angle:
+        entries += ordered_joints(layout.joints, source, arm, layout.angle)
+        said[layout.joints.values] = "joint"
+    return entries, said
 
 
-def _only(texts: list[str]) -> object:
-    """The text of a list of one, as a map states it; a longer list as it is."""
-    return texts[0] if len(texts) == 1 else texts
-
-
-def _by_joint(entry: Entry, arm: Arm) -> list[Entry]:
-    """A line for every joint where some slide, which are in metres; else the line itself."""
-    pattern, _, unit = entry.key.rpartition("_")
-    slides = any(joint.prismatic for joint in arm.file_joints)
-    if not slides or pattern != "{joint}" or not isinstance(entry.value, str):
-        return [entry]
-    return [
-        entry._replace(
-            key=f"{joint.name}_{'m' if joint.prismatic else unit}",
-            value=entry.value.replace(pattern, joint.name),
-        )
-        for joint in arm.file_joints
-    ]
-
-
-def _missing_unit(table: TableCells, columns: Sequence[tuple[int, Named]], length: str) -> tuple[str, str]:
-    """The unit of columns that neither a layout nor the file says, as "_mm", and how it was guessed."""
-    k, named = columns[0]
-    if named.unit or named.header or unit_of(table, k):
-        return "", ""
-    if named.slot.what in ("joint", "rotation"):
-        return angle_unit(table, [k for k, _ in columns])
-    if named.slot.what == "mass":
-        return "_kg", "no unit"
-    if "m" in SI.get(named.slot.what, ()):
-        typical = SCATTER if named.slot.what in ("deviation", "sigma") else PLACE
-        return length_unit(table, k, [k for k, _ in columns], typical, length)
-    return "", ""
+def _only(value: object) -> object:
+    """The text of a list of one, as a map states it; anything else as it is."""
+    return value[0] if isinstance(value, list) and len(value) == 1 else value
 
 
 def _orientations(

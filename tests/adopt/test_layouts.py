@@ -67,8 +67,9 @@ def test_two_layouts_that_fit_are_both_named_and_one_may_be_chosen(tmp_path):
         line = is_refused(do("data", command, ARM.name, file), "fits the layouts figaroh (FIGAROH, data of")
         assert "and ur_rtde (Universal Robots, record of RTDE); choose one by --layout NAME" in line
     assert not file.with_suffix(".toml").exists()
-    entries = propose(file, ARM, None, tmp_path, "ur_rtde").entries
-    assert ("columns", "joint_{n0}_rad", "actual_q_{n0}", "") in entries
+    assert propose(file, ARM, None, tmp_path, "ur_rtde").layouts == (
+        "ur_rtde (Universal Robots, record of RTDE)",
+    )
     flags = [ARM.name, file, "--layout"]
     is_refused(do("data", "map", *flags, "delmia_auto_id"), "expected rows of 8 cells without a header")
     is_refused(do("data", "map", *flags, "none"), "no layout 'none'; layouts are delmia_auto_id, ")

@@ -105,6 +105,7 @@ READ = {
         log(DEG, key=("Element", NAMES)),
     ),
     "units with a full stop": (beside(place=[f"{x} (in.)" for x in "XYZ"], scale=1 / 25.4, digits=(9, 12)),),
+    "joints with letters, as a Motoman": (beside(joints=[*"SLURBT"]),),
     "FARO with coordinates": (
         "Vantage\nUnits,mm\n\n" + points([f"{x} Coord (mm)" for x in "XYZ"]),
         log(DEG),
