@@ -143,16 +143,16 @@ def _said(row: Row, names: list[str], joints: str) -> str:
 
 def _places(cell: Cell, errors: ErrorPlaces, taken: str) -> PoseGroup:
     """Show the arm all over the workspace."""
-    half, q = errors.errors(taken), np.array(errors.q)
+    half = errors.error_mm[taken]
     sizes = zip(errors.deflection_mm, half, errors.joints, strict=True)
     words = [
         f"The tool moves {moved:.3f} mm, {_bound(mm)} (95 %). Joints at {joints}."
         for moved, mm, joints in sizes
     ]
-    tool = Layer("tool", MEASURED, "dots", np.array(errors.position_m)[:, None])
+    tool = Layer("tool", MEASURED, "dots", errors.position_m[:, None])
     first = int(np.nan_to_num(half).argmax())
     words[first] = f"{NEXT}: here the model is least sure. {words[first]}"
-    poses = workspace(cell, q, words, [tool], first)
+    poses = workspace(cell, errors.q, words, [tool], first)
     return replace(poses, name="Workspace, under the largest load", fixed=True)
 
 
@@ -163,11 +163,11 @@ def _bound(mm: float) -> str:
 def _map(f: Row, group: int) -> PlaceMap:
     """Map each model; joints alone have no map: what they leave out is in no half width."""
     errors = f.map.errors
-    half = {name: errors.errors(name) for name in errors.compared}
+    half = {name: errors.error_mm[name] for name in errors.compared}
     return PlaceMap(
         f"95 % half width of the tool's deflection under the largest load (mm); {COUNTS}",
         group,
-        np.array(errors.position_m),
+        errors.position_m,
         [_line(f, name, mm) for name, mm in half.items()],
         heading="Uncertainty at other poses",
         without="" if all(np.isfinite(mm).all() for mm in half.values()) else NOWHERE,

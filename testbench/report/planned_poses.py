@@ -196,12 +196,12 @@ def seen(made: Planned, f: Row) -> PageContent:
         groups.append(world.poses("Tasks", named, q, pulls, int(made.forecast.rms_error[some].argmax())))
         note = of_all(len(some), len(every), "tasks")
         charts.insert(0, _chart(1, rows, note))
-    errors = {name: f.map.errors(name) for name in f.map.compared}
+    errors = {name: f.map.error_mm[name] for name in f.map.compared}
     words = [
         f"Expected error: {', '.join(_error(name, mm[k]) for name, mm in errors.items())}. {joints}."
         for k, joints in enumerate(f.map.joints)
     ]
-    groups.append(world.all_over(np.array(f.map.q), words))
+    groups.append(world.all_over(f.map.q, words))
     return PageContent(
         scene=Scene(cell, UNSCALED, groups),
         map=_map(f.map, len(groups) - 1, "after calibration" if f.absolute else "under the first load"),
@@ -265,10 +265,10 @@ def _map(error_places: ErrorPlaces, group: int, when: str) -> PlaceMap:
     """Errors to expect over the workspace, a map a model; `group` is that of the places in the scene."""
     *others, last = error_places.compared
     looks = {**{name: look_of(name, "none") for name in others}, last: OURS}
-    lines = [ModelLine(name, look, error_places.errors(name)) for name, look in looks.items()]
+    lines = [ModelLine(name, look, error_places.error_mm[name]) for name, look in looks.items()]
     without = NOWHERE if any(map(error_places.unbounded, looks)) else ""
     title = f"Expected error over the workspace, {when} (mm)"
-    return PlaceMap(title, group, np.array(error_places.position_m), lines, "Expected errors", without)
+    return PlaceMap(title, group, error_places.position_m, lines, "Expected errors", without)
 
 
 def poses_for_terminal(said: Report) -> Table:

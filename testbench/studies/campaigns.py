@@ -21,12 +21,12 @@ from testbench.workflows.advice import fit_row
 from testbench.workflows.campaign import Campaign
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import (
+    PLACE_DIGITS,
     ErrorPlaces,
     WorkspacePoses,
     error_places,
     places_of,
     rms,
-    rounded_mm,
 )
 from testbench.workflows.fit_numbers import (
     eigenvalues,
@@ -37,7 +37,16 @@ from testbench.workflows.fit_numbers import (
 )
 from testbench.workflows.model_names import IN_PAPER, in_words
 from testbench.workflows.models import DEFAULT, has_failed
-from testbench.workflows.rows import NO_ERRORS, DatasetRow, ErrorRow, FitRow, dataset_row, error_row
+from testbench.workflows.rows import (
+    MM,
+    NO_ERRORS,
+    DatasetRow,
+    ErrorRow,
+    FitRow,
+    dataset_row,
+    error_row,
+    rounded,
+)
 
 TRUE = "workspace.rms_mm"  #: What models are judged by.
 NOT_OF_A_MODEL = ("seed", "truth", "true_arm", "measured.", "places.", "place_mm", "drawn.", "data_file")
@@ -280,7 +289,7 @@ def campaign_rows(
             measured=data,
             true_arm=true_arm,
             places=places_of(cell, truth) if shown else None,
-            place_mm=rounded_mm(rms(error)) if shown else None,
+            place_mm=tuple(rounded(MM * rms(error), PLACE_DIGITS)) if shown else None,
         )
         if shown:
             left = campaign.measured.deflection - every

@@ -44,8 +44,7 @@ from testbench.workflows.absolute import (
     unobservable,
 )
 from testbench.workflows.arm_models import loads_about_tool, origin_of, write_files
-from testbench.workflows.fit_numbers import rounded
-from testbench.workflows.rows import MM, UM
+from testbench.workflows.rows import MM, UM, rounded
 
 # --- Numbers of a calibrated arm with their 95 % intervals, by name and in the units of people --------------
 

@@ -5,15 +5,17 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
-from testbench.errors import Array
+from testbench.errors import Array, Ids
 from testbench.model.vjm import tool_poses
+from testbench.runs.rows import Row
 from testbench.workflows.cell import Cell
-from testbench.workflows.rows import MM
+from testbench.workflows.rows import MM, rounded
 
-DIGITS = 4  #: Significant digits of a length that is kept: a report shows three.
+PLACE_DIGITS = 4  #: Significant digits of a length that is kept: a report shows three.
 Q_DECIMALS, M_DECIMALS = 5, 4
 """Decimals of joints [rad, m] and of tool positions [m]: a place is found again within 0.1 mm."""
 
@@ -44,43 +46,31 @@ class WorkspacePoses:
 
 
 @dataclass(frozen=True)
-class WorstPlace:
-    """Hold the pose in which a model's error is largest."""
-
-    place: int  #: Index in the columns of `ErrorPlaces`.
-    position_m: tuple[float, ...]  #: x, y and z of the tool without load, world axes.
-    joints: str  #: Joint angles for people.
-    error_mm: float
-
-
-@dataclass(frozen=True)
 class ErrorPlaces:
     """Hold errors of models by place, columns of equal length; where `compared` differ most is first."""
 
     compared: tuple[str, ...]  #: Best of each method, the incumbent first, the recommended one last.
-    run: tuple[int, ...]  #: Identifier in the campaign.
-    q: tuple[tuple[float, ...], ...]  #: Joint angles [rad, m].
+    run: Ids  #: Identifier in the campaign, (places,).
+    q: Array  #: Joint angles, (places, joints) [rad, m].
     joints: tuple[str, ...]  #: The same for people.
-    position_m: tuple[tuple[float, ...], ...]  #: x, y and z of the tool without load, world axes.
-    deflection_mm: tuple[float, ...]  #: True deflection, RMS over the markers; without truth the predicted.
-    error_mm: Mapping[str, tuple[float | None, ...]]  #: By name of the model; None where it has no bound.
-    worst: Mapping[str, WorstPlace]  #: Of those with a bound, by name of the model.
+    position_m: Array  #: Tool without load, world axes, (places, 3).
+    deflection_mm: Array  #: True deflection, RMS over the markers; without truth the predicted, (places,).
+    error_mm: Mapping[str, Array]  #: By name of the model, (places,) each; NaN where it has no bound.
+    #: Of models with a bound, by name, where the error is largest: `place`, an index of these columns, with
+    #: its `position_m`, `joints` and `error_mm`.
+    worst: Mapping[str, Row]
     means: ErrorMeaning = TRUE_ERROR  #: What an error is.
-
-    def errors(self, name: str) -> Array:
-        """Return the errors of a model, (places,) [mm]; NaN where it has no bound."""
-        return np.array(self.error_mm[name], dtype=float)
 
     def typical_mm(self, name: str) -> float:
         """Compute a typical error of a model over places with a bound [mm]; NaN where none has."""
-        mm = self.errors(name)[np.isfinite(self.errors(name))]
+        mm = self.error_mm[name][np.isfinite(self.error_mm[name])]
         if not mm.size:
             return float("nan")
         return float(np.sqrt(np.mean(mm**2)) if self.means.typical == "RMS" else np.median(mm))
 
     def unbounded(self, name: str) -> int:
         """Count the places at which a model has no bound."""
-        return int(np.isnan(self.errors(name)).sum())
+        return int(np.isnan(self.error_mm[name]).sum())
 
 
 def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePoses:
@@ -103,7 +93,7 @@ def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePos
         x_m=tuple(x),
         y_m=tuple(y),
         z_m=tuple(z),
-        deflection_mm=rounded_mm(moved),
+        deflection_mm=tuple(rounded(MM * moved, PLACE_DIGITS)),
     )
 
 
@@ -128,58 +118,54 @@ def rms(moved: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.sum(vectors**2, axis=-1), axis=-1)))
 
 
-def rounded_mm(metres: Array) -> tuple[float, ...]:
-    """Convert lengths (n,) [m] to millimetres, rounded to `DIGITS` significant digits."""
-    return tuple(float(f"{x:.{DIGITS}g}") for x in (MM * metres).tolist())
-
-
-def bounded_mm(metres: Array) -> tuple[float | None, ...]:
-    """Convert lengths (n,) [m] to millimetres; None where there is no bound."""
-    return tuple(x if np.isfinite(x) else None for x in rounded_mm(metres))
-
-
 def error_places(
     workspace_poses: WorkspacePoses,
-    error_mm: Mapping[str, Sequence[float | None]],
+    error_mm: Mapping[str, ArrayLike],
     compared: Sequence[str] = (),
     means: ErrorMeaning = TRUE_ERROR,
 ) -> ErrorPlaces:
     """Order places by how much the first and the last of the compared models differ, widest first.
 
-    Of one model its greatest error comes first, of none that of the first; an error without a bound is None.
+    Of one model its greatest error comes first, of none that of the first.
 
     Args:
         workspace_poses: The poses.
-        error_mm: Errors of every model by its name [mm]; None for no bound.
+        error_mm: Errors of every model by its name [mm]; None, NaN or infinity for no bound.
         compared: Names of the models that are compared.
         means: What an error is.
 
     Returns:
         The errors by place.
     """
-    names = tuple(compared) or tuple(error_mm)[:1]
-    first, last = (
-        np.array([np.inf if mm is None else mm for mm in error_mm[name]]) for name in (names[0], names[-1])
-    )
+    mm = {}
+    for name, errors in error_mm.items():
+        own = np.array(rounded(np.asarray(errors, dtype=float), PLACE_DIGITS))
+        mm[name] = np.where(np.isfinite(own), own, np.nan)
+    names = tuple(compared) or tuple(mm)[:1]
+    first, last = (np.nan_to_num(mm[name], nan=np.inf) for name in (names[0], names[-1]))
     with np.errstate(invalid="ignore"):  # neither has a bound
         apart = first if len(names) == 1 else np.nan_to_num(np.abs(first - last), nan=0.0, posinf=np.inf)
     order = np.argsort(-apart, kind="stable")
-    q = np.reshape(workspace_poses.q, (len(workspace_poses.run), -1))[order]
     position = np.column_stack([workspace_poses.x_m, workspace_poses.y_m, workspace_poses.z_m])[order]
-    joints, positions = tuple(workspace_poses.joints[k] for k in order), tuple(map(tuple, position.tolist()))
-    sorted_mm = {name: tuple(mm[k] for k in order) for name, mm in error_mm.items()}
-    bounded = {
-        name: [(mm, k) for k, mm in enumerate(own) if mm is not None] for name, own in sorted_mm.items()
-    }
-    worst = {name: max(own, key=lambda both: both[0]) for name, own in bounded.items() if own}
+    joints = tuple(workspace_poses.joints[k] for k in order)
+    mm = {name: own[order] for name, own in mm.items()}
+    worst = {name: int(np.nanargmax(own)) for name, own in mm.items() if np.isfinite(own).any()}
     return ErrorPlaces(
         compared=names,
-        run=tuple(np.array(workspace_poses.run)[order].tolist()),
-        q=tuple(map(tuple, q.tolist())),
+        run=np.array(workspace_poses.run)[order],
+        q=np.reshape(workspace_poses.q, (len(order), -1))[order],
         joints=joints,
-        position_m=positions,
-        deflection_mm=tuple(np.array(workspace_poses.deflection_mm)[order].tolist()),
-        error_mm=sorted_mm,
-        worst={name: WorstPlace(k, positions[k], joints[k], mm) for name, (mm, k) in worst.items()},
+        position_m=position,
+        deflection_mm=np.array(workspace_poses.deflection_mm)[order],
+        error_mm=mm,
+        worst={
+            name: Row(
+                place=k,
+                position_m=tuple(position[k].tolist()),
+                joints=joints[k],
+                error_mm=float(mm[name][k]),
+            )
+            for name, k in worst.items()
+        },
         means=means,
     )

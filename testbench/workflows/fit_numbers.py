@@ -33,16 +33,15 @@ from testbench.model.structure import Structure
 from testbench.model.vjm import Vjm, cross, evaluate_chain, generalised_load, tool_poses
 from testbench.runs.rows import Row, finite, trial_rng
 from testbench.workflows.cell import Cell, clear_poses
-from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at, rounded_mm
+from testbench.workflows.error_places import PLACE_DIGITS, ErrorMeaning, error_places, places_at
 from testbench.workflows.fits import IdentifyResult
 from testbench.workflows.models import JOINTS_ONLY
-from testbench.workflows.rows import MM, UM
+from testbench.workflows.rows import MM, UM, rounded
 
 # --- Details of fits that figures show ----------------------------------------------------------------------
 
 BINS = 24  #: Bars of a histogram.
 MAX_POINTS = 400  #: Predictions of a model that are kept.
-DIGITS = 5  #: Digits of a number that is drawn.
 COMPLIANCES = "reference", "estimate", "half"  #: Matrices of a link: see `link_compliances`.
 ROUNDING = 1e-9  #: Share of the largest eigenvalue of a block below which one is zero.
 
@@ -116,11 +115,6 @@ def predictions(measured: Array, residuals: Mapping[str, Array]) -> Row:
 
 def _lengths(vectors: Array) -> list[float]:
     return rounded(MM * np.linalg.norm(vectors, axis=-1))
-
-
-def rounded(values: Array) -> list[float]:
-    """Round numbers (n,) to the digits that are kept."""
-    return [float(f"{x:.{DIGITS}g}") for x in np.ravel(values).tolist()]
 
 
 def eigenvalues(arm: Arm, structure: Structure, C_theta: Array) -> list[Row]:
@@ -552,7 +546,7 @@ def _there(name: str, places: Row) -> Row | None:
     """Tell how sure a model is over the workspace, and how far from the one to take; None if unknown."""
     if name not in places.errors.error_mm:
         return None
-    mm, apart = places.errors.errors(name), places.apart_mm.get(name)
+    mm, apart = places.errors.error_mm[name], places.apart_mm.get(name)
     return Row(
         half_width_mm=places.errors.typical_mm(name) if np.isfinite(mm).any() else None,
         unbounded=places.errors.unbounded(name),
@@ -676,9 +670,7 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
     workspace_poses = places_at(cell.arm, q, tool_poses(cell.vjm, q)[0], np.linalg.norm(moved[taken], axis=1))
     # joints alone are not compared: what they leave out is in no half width
     shown = [name for name in half if name != JOINTS_ONLY or name == taken]
-    errors = error_places(
-        workspace_poses, {name: bounded_mm(own) for name, own in half.items()}, shown, HALF_WIDTH
-    )
+    errors = error_places(workspace_poses, {name: MM * own for name, own in half.items()}, shown, HALF_WIDTH)
     order = np.array(errors.run) - 1
     apart = {name: np.linalg.norm(own - moved[taken], axis=1) for name, own in moved.items() if name != taken}
     return Row(
@@ -686,7 +678,7 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
         moment_Nm=float(np.linalg.norm(load.wrench[3:])),
         places=len(q),
         errors=errors,
-        apart_mm={name: rounded_mm(own[order]) for name, own in apart.items()},
+        apart_mm={name: rounded(MM * own[order], PLACE_DIGITS) for name, own in apart.items()},
         missing=missing,
         **_certainty(MM * half[taken]),
     )

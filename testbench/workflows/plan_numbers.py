@@ -33,7 +33,7 @@ from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.rigid_cell import has_surroundings
 from testbench.runs.rows import Row, finite, trial_rng
-from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at, rms
+from testbench.workflows.error_places import ErrorMeaning, error_places, places_at, rms
 from testbench.workflows.plan import AbsolutePlanned, Planned, scale_forecast, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
@@ -392,7 +392,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
         scale=scale,
         hidden=_hidden(made, scale),
         curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
-        map=error_places(workspace_poses, {CALIBRATED: bounded_mm(made.forecast.rms_error)}, means=POSITION),
+        map=error_places(workspace_poses, {CALIBRATED: MM * made.forecast.rms_error}, means=POSITION),
     )
 
 

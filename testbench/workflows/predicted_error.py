@@ -25,7 +25,6 @@ from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import (
     ErrorMeaning,
     ErrorPlaces,
-    bounded_mm,
     error_places,
     places_at,
     rms,
@@ -146,8 +145,8 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
             continue
         [model] = named_models(cell, [other])
         fit = linear_fit_after(least_squares(spec, prior, model.structure), prior, plan.whitened_rows)
-        found[other] = bounded_mm(fit_error(fit, q, load))
-    found[name] = bounded_mm(forecast.rms_error)
+        found[other] = MM * fit_error(fit, q, load)
+    found[name] = MM * forecast.rms_error
     moved = rms(deflection_rows(spec.setup, q, load) @ spec.setup.scaling.expected_x)
     workspace_poses = places_at(cell.arm, q, tool_poses(cell.vjm, q)[0], moved)
     return error_places(workspace_poses, found, list(found), EXPECTED)

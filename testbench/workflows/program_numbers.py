@@ -22,7 +22,7 @@ from testbench.files.table import as_cell
 from testbench.identify.posterior import CONFIDENCE, student_quantile
 from testbench.model.vjm import add_law_deflections, tool_poses
 from testbench.runs.rows import Row, finite
-from testbench.workflows.error_places import ErrorMeaning, bounded_mm, error_places, places_at
+from testbench.workflows.error_places import ErrorMeaning, error_places, places_at
 from testbench.workflows.program import (
     DEFAULT_FORCE,
     CorrectedProgram,
@@ -425,10 +425,7 @@ def _map(made: Predicted) -> Row:
     stiffness_map = made.map
     worst: Array = MM * stiffness_map.worst
     workspace_poses = places_at(made.model.arm, stiffness_map.q, stiffness_map.position, stiffness_map.worst)
-    values = {
-        MOVED_BY: bounded_mm(stiffness_map.worst),
-        HALF_WIDTH: bounded_mm(stiffness_map.half.max(axis=1)),
-    }
+    values = {MOVED_BY: worst, HALF_WIDTH: MM * stiffness_map.half.max(axis=1)}
     words = f"of the tool by {stiffness_map.force:,.0f} N in the worst direction, and its 95 % half width"
     return Row(
         force_n=stiffness_map.force,

@@ -21,6 +21,11 @@ def rms(vectors: Array) -> float:
     return float(np.sqrt(np.square(vectors).sum(axis=-1).mean()))
 
 
+def rounded(values: Array, digits: int = 5) -> list[float]:
+    """Round numbers of any shape to so many significant digits, in one list."""
+    return [float(f"{x:.{digits}g}") for x in np.ravel(values).tolist()]
+
+
 @dataclass(frozen=True)
 class DatasetRow:
     """Hold what a dataset holds: counts, and the least and largest deflection of a marker."""

@@ -263,7 +263,7 @@ def test_what_is_drawn_of_a_plan_are_its_poses_loads_and_errors(made, f, kr500):
     assert (len(places.names), drawn.map.group) == (len(f.map.run), 2)
     np.testing.assert_allclose(drawn.map.at, f.map.position_m)
     for line in drawn.map.lines:
-        np.testing.assert_allclose(line.values, f.map.errors(line.name))
+        np.testing.assert_allclose(line.values, f.map.error_mm[line.name])
     assert drawn.map.lines[-1].look == OURS
 
 

@@ -64,7 +64,7 @@ def test_words_of_workspace_poses_hold_the_half_width_of_the_model_to_take(kr500
     moved, half = np.array(told).T
     np.testing.assert_allclose(half, 1e3 * there.largest_half_width[:, 0], atol=6e-4)
     np.testing.assert_allclose(moved, 1e3 * np.linalg.norm(there.deflection[:, 0], axis=1), atol=6e-4)
-    others = [f.map.errors.errors(name) for name in f.map.errors.compared if name != taken]
+    others = [f.map.errors.error_mm[name] for name in f.map.errors.compared if name != taken]
     assert others
     assert all(np.abs(other - half).max() > 1e-2 for other in others)  # it would show
 
