@@ -129,7 +129,7 @@ def test_forces_resist_the_feed_and_the_spindle_and_keep_their_size(cell, asked)
 def test_a_model_that_buckles_under_the_process_commands_what_was_programmed(cell, asked):
     work, (settle, _) = compensation.tasks_of(asked, 4), compensation.true_arm(cell, 4, IDEAL)
     [data] = compensation.measure(cell, settle, asked, [ADVISED], 4)
-    estimate = undisputed(cell, data, compensation.prior_in_turn(cell, 4)).estimate
+    _, estimate = undisputed(cell, data, compensation.prior_in_turn(cell, 4))
     weights = read_body_masses(cell.arm)
     sound = model_of_estimate(cell.vjm, estimate, weights)
     soft = model_of_estimate(cell.vjm, replace(estimate, C_theta=1e5 * estimate.C_theta), weights)
