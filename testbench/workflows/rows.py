@@ -22,7 +22,15 @@ def rms(vectors: Array) -> float:
 
 
 def rounded(values: Array, digits: int = 5) -> list[float]:
-    """Round numbers of any shape to so many significant digits, in one list."""
+    """Round numbers to significant digits.
+
+    Args:
+        values: The numbers, of any shape.
+        digits: Number of digits.
+
+    Returns:
+        The rounded numbers, in one list.
+    """
     return [float(f"{x:.{digits}g}") for x in np.ravel(values).tolist()]
 
 
