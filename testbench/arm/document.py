@@ -278,6 +278,10 @@ def parse_toml(path: Path, text: str) -> dict[str, object]:
         raise InputError(path, "", f"not TOML: {err}{hint}") from err
 
 
+MAX_ELEMENTS = 20_000  #: Most elements of an XML file.
+MAX_NESTING = 150  #: Most elements within each other.
+
+
 def parse_xml(path: Path, text: str) -> ET.Element:
     """Parse the text of an XML file.
 
@@ -289,8 +293,8 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         Its root element; tags in the root's namespace are without it.
 
     Raises:
-        InputError: When it is not well-formed, defines entities, or has an attribute that contains nan:
-            MuJoCo would print a warning, and write it into a file.
+        InputError: When it is not well-formed, too large, defines entities, or has an attribute that contains
+            nan: MuJoCo would print a warning, and write it into a file.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(path, "", "document types and entities are not allowed")
@@ -298,6 +302,13 @@ def parse_xml(path: Path, text: str) -> ET.Element:
         root = ET.fromstring(text)
     except (ET.ParseError, LookupError, ValueError) as err:
         raise InputError(path, "", f"not well-formed XML: {err}") from err
+    level, count = [root], 0
+    for _ in range(MAX_NESTING + 1):
+        count += len(level)
+        level = [child for e in level for child in e]
+    if level or count > MAX_ELEMENTS:
+        problem = f"expected at most {MAX_ELEMENTS} elements, and at most {MAX_NESTING} nested elements"
+        raise InputError(path, "", problem)
     space = root.tag.rpartition("}")[0]  # XML writes the namespace of the root before its tag
     for e in root.iter():
         if space:

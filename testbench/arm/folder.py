@@ -288,7 +288,7 @@ def build_joint_map(
         raise BenchError(f"expected coefficients up to {MAX_COEFFICIENT:g}, got {np.abs(L).max():g}")
     # free chain joints: m independent rows of L, those that are a file joint of their own first
     alone = [k for k, (name, row) in enumerate(rows.items()) if [n for n, c in row.items() if c] == [name]]
-    free = _independent_rows(L, sorted(range(len(L)), key=lambda k: k not in alone))
+    free = independent_rows(L, sorted(range(len(L)), key=lambda k: k not in alone))
     if not names or len(free) < len(names):
         listed = shorten(", ".join(names), MAX_LISTED_CHARACTERS) or "none"
         raise BenchError(
@@ -307,8 +307,16 @@ def build_joint_map(
     return JointMap(names, prismatic, tuple(slides.tolist()), L, offsets, free, inverse, moves)
 
 
-def _independent_rows(L: Array, order: Sequence[int]) -> Ids:
-    """Find rows that are independent of all earlier ones in an order; their indices are sorted."""
+def independent_rows(L: Array, order: Sequence[int]) -> Ids:
+    """Find rows that are independent of all earlier ones in an order.
+
+    Args:
+        L: Matrix, (n, m) [1].
+        order: Indices of rows, the preferred ones first.
+
+    Returns:
+        Indices of independent rows, sorted.
+    """
     independent: list[int] = []
     for k in order:
         rows = L[[*independent, k]]

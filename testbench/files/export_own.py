@@ -7,9 +7,8 @@ fitted to the other's.
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from itertools import combinations, pairwise
 from pathlib import Path
 from xml.parsers import expat
@@ -19,7 +18,16 @@ import numpy as np
 from testbench.arm.folder import Arm
 from testbench.errors import Array, InputError, read_text
 from testbench.files.robot.chain import fit_names
-from testbench.files.robot.robot import MAX_BYTES, Body, ImportedJoint, Robot, path_to, read_xml, usual_tip
+from testbench.files.robot.robot import (
+    MAX_BYTES,
+    Body,
+    ImportedJoint,
+    find_tip,
+    in_order,
+    path_to,
+    pose_of,
+    read_xml,
+)
 from testbench.files.robot.urdf import read_tree
 from testbench.identify.absolute.state import ArmState
 from testbench.model.kinematics import urdf_link_poses
@@ -33,6 +41,7 @@ STAMP = f"<!-- testbench export: origins as identified; {BESIDE}"
 NEW_STAMP = f"<!-- testbench export: a new URDF of an identified arm; {BESIDE}"
 """First line of every URDF that we write: into a robot's own, and from scratch."""
 HEAD = rb"\s*(<\?xml[^>]*\?>)?\s*"
+TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")  #: A tag; values in quotes may hold a `>` too.
 BEGINS, BEGINS_NEW = HEAD + rb"<!-- testbench export: ", HEAD + rb"<!-- testbench export: a new URDF"
 
 
@@ -107,9 +116,9 @@ def with_origins(path: Path, text: str, poses: Mapping[str, Array]) -> str:
 
 def _origins(data: bytes) -> dict[str, tuple[int, int]]:
     """Find the bytes of the <origin> of every joint, or where one can stand if there is none."""
-    found: dict[str, tuple[int, int]] = {}
+    ends: dict[str, tuple[int, int]] = {}
+    origins: dict[str, tuple[int, int]] = {}
     above: list[tuple[str, str]] = []
-    seen: set[str] = set()
     parser = expat.ParserCreate("utf-8")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -119,15 +128,14 @@ def _origins(data: bytes) -> dict[str, tuple[int, int]]:
             tag: Name of the element that begins.
             attributes: Its attributes.
         """
-        at = parser.CurrentByteIndex
         within = [name for name, _ in above]
+        name = attributes.get("name", "")
+        at, end = next(TAG.finditer(data, parser.CurrentByteIndex)).span()
         if within == ["robot"] and tag == "joint":
-            end = _end_of_tag(data, at)
-            found.setdefault(attributes.get("name", ""), (end, end))
-        elif within == ["robot", "joint"] and tag == "origin" and above[-1][1] not in seen:
-            found[above[-1][1]] = at, _end_of_tag(data, at)
-            seen.add(above[-1][1])
-        above.append((tag, attributes.get("name", "")))
+            ends.setdefault(name, (end, end))
+        elif within == ["robot", "joint"] and tag == "origin":
+            origins.setdefault(above[-1][1], (at, end))
+        above.append((tag, name))
 
     def end_of(_: str) -> None:
         above.pop()
@@ -135,21 +143,7 @@ def _origins(data: bytes) -> dict[str, tuple[int, int]]:
     parser.StartElementHandler = start
     parser.EndElementHandler = end_of
     parser.Parse(data, True)
-    return found
-
-
-def _end_of_tag(data: bytes, start: int) -> int:
-    """Find the byte behind the `>` that closes a tag; values in quotes may hold one too."""
-    quote: bytes = b""
-    for at in range(start, len(data)):
-        here = data[at : at + 1]
-        if quote:
-            quote = b"" if here == quote else quote
-        elif here in (b'"', b"'"):
-            quote = here
-        elif here == b">":
-            return at + 1
-    return len(data)
+    return ends | origins
 
 
 # --- Identified geometry: constants of the virtual joints included in the poses of the joints ---------------
@@ -185,18 +179,6 @@ class UrdfFrames:
     tip: Array  #: Tip in the model's tool, (4, 4) [m].
 
 
-def in_order(poses: Iterable[Array]) -> Array:
-    """Multiply poses in order, X_1 X_2 ... X_k.
-
-    Args:
-        poses: Homogeneous poses, (4, 4) [m] each.
-
-    Returns:
-        The product, (4, 4) [m]; the identity for no pose.
-    """
-    return np.asarray(reduce(np.matmul, poses, np.eye(4)))
-
-
 def relative_pose(frame: Array, pose: Array) -> Array:
     """Express a pose in a frame, both given in a third frame.
 
@@ -208,7 +190,7 @@ def relative_pose(frame: Array, pose: Array) -> Array:
         The pose in the frame, (4, 4) [m].
     """
     back = frame[:3, :3].T
-    return _pose(back @ pose[:3, :3], back @ (pose[:3, 3] - frame[:3, 3]))
+    return pose_of(back @ pose[:3, :3], back @ (pose[:3, 3] - frame[:3, 3]))
 
 
 def nominal_rigid(vjm: Vjm) -> Rigid:
@@ -248,18 +230,11 @@ def identified_rigid(state: ArmState) -> Rigid:
 def _bent(pose: Array, frame: Array, theta: Array) -> Array:
     """Compute the pose behind a link whose end is moved by constants, (6,) [m, rad]."""
     p, _, beam = move_virtual_joint(pose[:3, 3:], frame[..., None], theta[None])
-    return _pose(beam[..., 0] @ frame.T @ pose[:3, :3], p[:, 0])
+    return pose_of(beam[..., 0] @ frame.T @ pose[:3, :3], p[:, 0])
 
 
 def _moved(axis: Array, by: float, *, prismatic: bool) -> Array:
-    return _pose(np.eye(3), by * axis) if prismatic else _pose(rotation_matrices(by * axis), np.zeros(3))
-
-
-def _pose(R: Array, p: Array) -> Array:
-    """Combine rotations (..., 3, 3) and positions (..., 3) to poses, (..., 4, 4)."""
-    found = np.zeros((*p.shape[:-1], 4, 4))
-    found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = R, p, 1
-    return found
+    return pose_of(np.eye(3), by * axis) if prismatic else pose_of(rotation_matrices(by * axis), np.zeros(3))
 
 
 def random_joints(vjm: Vjm) -> Array:
@@ -286,7 +261,7 @@ def tool_poses(vjm: Vjm, q: Array, theta_0: Array | None = None) -> Array:
         Poses, (poses, 4, 4) [m].
     """
     where = evaluate_chain(vjm, q, None if theta_0 is None else np.tile(theta_0, (len(q), 1)))
-    return _pose(where.tool_rotation, where.tool_position)
+    return pose_of(where.tool_rotation, where.tool_position)
 
 
 def frame_distance(a: Array, b: Array) -> tuple[float, float]:
@@ -400,23 +375,15 @@ def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None 
     """
     loose = any("://" not in mesh.get("filename", "") for mesh in root.iter("mesh"))
     tree = read_tree(file, root)
-    end = _tip(file, tree, arm, tip)
-    path = path_to(tree, end)
+    has_tool = any(body.name == arm.tool for body in tree.bodies)
+    end = find_tip(file, tree, arm.tool if tip is None and has_tool else tip)
+    path = path_to(tree.bodies, end.body)
     bodies = tuple(tree.bodies[k] for k in path)
     pairs = [(joint.find("child"), joint.get("name", "")) for joint in root.findall("joint")]
     before = {child.get("link", ""): name for child, name in pairs if child is not None}
     names = ("", *(before[body.name] for body in bodies[1:]))
     _check_joints(file, bodies, names, arm)
     return RobotChain(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
-
-
-def _tip(file: Path, tree: Robot, arm: Arm, asked: str | None) -> int:
-    names = [body.name for body in tree.bodies]
-    if asked is None:
-        return names.index(arm.tool) if arm.tool in names else usual_tip(tree).body
-    if asked not in names:
-        raise InputError(file, "", f"no link {asked!r} for the tip; there are {', '.join(sorted(names))}")
-    return names.index(asked)
 
 
 def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], arm: Arm) -> None:

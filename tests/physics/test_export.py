@@ -195,7 +195,7 @@ def test_what_cannot_be_written_leaves_nothing(ur10, rng, tmp_path):
     (file := tmp_path / "own.urdf").write_text(own_urdf(state.vjm, rng, tip=False)[0])
     with pytest.raises(InputError, match="expected a fixed joint that leads to 'l6'"):
         draft_robot_urdf(state, file)
-    with pytest.raises(InputError, match="no link 'x' for the tip"):
+    with pytest.raises(InputError, match="no link, body or site 'x' for the tip"):
         draft_robot_urdf(state, file, "x")
     draft = draft_new(state)
     wrong = draft_new(replace(state, theta_0=1.01 * state.theta_0))

@@ -9,8 +9,9 @@ import pytest
 from refused import refused
 from spoil import swap
 
+from testbench.arm.document import MAX_NESTING
 from testbench.arm.folder import find_arm, load_arm
-from testbench.arm.mjcf import MAX_NESTING, read_mjcf
+from testbench.arm.mjcf import read_mjcf
 
 MODELS = Path(__file__).parents[2] / "models"
 LENGTH, AXIS = r"(?<=tube\.length = \{ value = )[^,]+", r"(?<=axis = )\[.*?\]"

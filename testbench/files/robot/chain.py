@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from testbench.errors import Array, InputError, shorten, some_of
+from testbench.errors import Array, InputError, shorten
 from testbench.files.robot.meshes import combined
 from testbench.files.robot.mjcf import read_mjcf
 from testbench.files.robot.robot import (
@@ -23,14 +23,13 @@ from testbench.files.robot.robot import (
     Note,
     Robot,
     Rows,
-    Tip,
     chain_map,
+    find_tip,
+    in_order,
     map_of,
-    named_tips,
     path_to,
     read_xml,
     transform_points,
-    usual_tip,
 )
 from testbench.files.robot.urdf import read_urdf
 from testbench.files.robot.write import weigh
@@ -90,8 +89,8 @@ def read_chain(file: Path, tip: str | None = None) -> ImportedChain:
         InputError: Names the file, the place and what was expected.
     """
     robot = read_robot(file)
-    end = usual_tip(robot) if tip is None else _named(file, robot, tip)
-    path = path_to(robot, end.body)
+    end = find_tip(file, robot, tip)
+    path = path_to(robot.bodies, end.body)
     if tip is None:
         _refuse_twins(file, robot, path)
     _check_joints(file, robot, path)
@@ -103,7 +102,8 @@ def read_chain(file: Path, tip: str | None = None) -> ImportedChain:
     bodies, notes = weigh(file, robot.bodies, placed)
     rods = _rods(bodies, path, carriers, placed)
     parts = tuple(_part(bodies, placed, part, k, rods) for part, k in enumerate(carriers))
-    parts = (replace(parts[0], pose=_in_world(bodies, carriers[0])), *parts[1:])
+    base = in_order([bodies[k].pose for k in path_to(bodies, carriers[0])])
+    parts = (replace(parts[0], pose=base), *parts[1:])
     became = _became(bodies, placed, path, parts, rods)
     site = ImportedSite(end.site.name, placed[end.body].pose @ end.site.pose)
     had = [_left_out(note, robot.couplings, spare) for note in robot.notes]
@@ -127,15 +127,6 @@ def _left_out(note: Note, couplings: Sequence[Coupling], spare: Collection[Coupl
     return note._replace(names=tuple(name for name in note.names if name not in read))
 
 
-def _named(file: Path, robot: Robot, name: str) -> Tip:
-    tips = named_tips(robot)
-    found = [tip for tip in tips if tip.site.name == name]
-    if not found:
-        names = some_of(sorted({tip.site.name for tip in tips}))
-        raise InputError(file, "", f"no link, body or site {name!r} for the tip; there are {names}")
-    return found[0]
-
-
 def _refuse_twins(file: Path, robot: Robot, path: list[int]) -> None:
     """Refuse a robot of two arms of equally many joints: only a tip says which one is meant."""
 
@@ -143,7 +134,7 @@ def _refuse_twins(file: Path, robot: Robot, path: list[int]) -> None:
         return [k for k in some if robot.bodies[k].joint and not robot.bodies[k].follows]
 
     for k in moving(range(len(robot.bodies))):
-        other = path_to(robot, k)
+        other = path_to(robot.bodies, k)
         shared = [body for body in path if body in other]
         own, twin = (moving([body for body in way if body not in shared]) for way in (path, other))
         if len(moving(shared)) < MIN_JOINTS <= len(own) == len(twin):
@@ -201,14 +192,6 @@ def _place(bodies: Sequence[Body], path: list[int], carriers: list[int]) -> dict
         elif k not in placed and before is not None:
             placed[k] = Placed(before.part, before.pose @ bodies[k].pose)
     return placed
-
-
-def _in_world(bodies: Sequence[Body], k: int) -> Array:
-    """Compute the pose of a body in the world at q = 0, (4, 4) [m]."""
-    pose = bodies[k].pose
-    while (k := bodies[k].parent) >= 0:
-        pose = bodies[k].pose @ pose
-    return pose
 
 
 def _rods(

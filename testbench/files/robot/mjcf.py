@@ -16,12 +16,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from testbench.arm.document import path_inside, xml_place
+from testbench.arm.document import MAX_ELEMENTS, path_inside, xml_place
 from testbench.arm.mjcf import attribute_numbers
 from testbench.errors import Array, InputError
 from testbench.files.robot.meshes import MAX_ALL_FACES, MeshError, Meshes, check_size, primitive, stl_bytes
 from testbench.files.robot.robot import (
-    MAX_ELEMENTS,
     Body,
     ImportedJoint,
     ImportedMesh,

@@ -12,9 +12,9 @@ import os
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,15 +22,13 @@ import mujoco
 import numpy as np
 
 from testbench.arm.document import parse_xml
-from testbench.arm.folder import ArmJoint, JointMap, build_joint_map
-from testbench.errors import Array, BenchError, InputError, read_bytes, read_text, shell_word
+from testbench.arm.folder import ArmJoint, JointMap, build_joint_map, independent_rows
+from testbench.errors import Array, BenchError, InputError, read_bytes, read_text, shell_word, some_of
 from testbench.plant.shapes import Faces, GeomKind, Surface
 
 # --- XML of a robot's file, whatever its format: limited in size, well-formed, with finite numbers ----------
 
 MAX_BYTES = 16_000_000
-MAX_ELEMENTS = 20_000
-MAX_DEPTH = 150
 MOST_OF = {"geometry": 2000, "geom": 2000, "joint": 500, "body": 500}
 """Most elements of a kind: MuJoCo's time grows with the cube of bodies in a row."""
 MAX_PACKAGE = 1_000_000
@@ -78,12 +76,6 @@ def read_xml(file: Path) -> ET.Element:
     if "<xacro:" in said or "${" in said or file.suffix == ".xacro":
         raise InputError(file, "", f"this is xacro; expand it first: {_expand(file, text)}")
     root = parse_xml(file, text)
-    level, count = [root], 0
-    for _ in range(MAX_DEPTH):
-        count += len(level)
-        level = [child for e in level for child in e]
-    if level or count > MAX_ELEMENTS:
-        raise InputError(file, "", f"expected at most {MAX_ELEMENTS} elements, {MAX_DEPTH} deep")
     for tag, most in MOST_OF.items():
         if (count := sum(1 for _ in root.iter(tag))) > most:
             raise InputError(file, f"<{tag}>", f"expected at most {most} in a robot, got {count}")
@@ -407,18 +399,30 @@ def substitute_limits(*, prismatic: bool) -> tuple[float, float]:
 
 
 def pose_of(rotation: Array, position: Array) -> Array:
-    """Combine a rotation and a position to a homogeneous pose.
+    """Combine rotations and positions to homogeneous poses.
 
     Args:
-        rotation: Rotation matrix, (3, 3).
-        position: Origin, (3,) [m].
+        rotation: Rotation matrices, (..., 3, 3) [1].
+        position: Positions, (..., 3) [m].
 
     Returns:
-        The pose, (4, 4).
+        Poses, (..., 4, 4).
     """
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation, position
+    pose = np.zeros((*position.shape[:-1], 4, 4))
+    pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = rotation, position, 1
     return pose
+
+
+def in_order(poses: Iterable[Array]) -> Array:
+    """Multiply poses in order, X_1 X_2 ... X_k.
+
+    Args:
+        poses: Homogeneous poses, (4, 4) [m] each.
+
+    Returns:
+        The product, (4, 4) [m]; the identity for no pose.
+    """
+    return np.asarray(reduce(np.matmul, poses, np.eye(4)))
 
 
 def transform_points(points: Array, pose: Array) -> Array:
@@ -510,7 +514,7 @@ def _check_loops(
 ) -> None:
     """Refuse bodies tied together over a joint of the arm; a free body tied once is allowed."""
     ties = [
-        (own, _above(bodies, own.bodies[0]) ^ _above(bodies, own.bodies[1]))
+        (own, set(path_to(bodies, own.bodies[0])) ^ set(path_to(bodies, own.bodies[1])))
         for own in couplings
         if own.bodies is not None
     ]
@@ -526,46 +530,25 @@ def _check_loops(
             raise InputError(file, "", problem)
 
 
-def _above(bodies: Sequence[Body], k: int) -> set[int]:
-    """List a body and those before it; -1 is the world."""
-    found = set()
-    while k >= 0:
-        found.add(k)
-        k = bodies[k].parent
-    return found
-
-
 def _solved(file: Path, order: Sequence[str], equations: Sequence[Coupling]) -> Rows:
-    """Solve by Gauss-Jordan elimination: in each equation the first joint in the order is dependent."""
-    A = np.array(
-        [[*(coupling.terms.get(name, 0.0) for name in order), coupling.constant] for coupling in equations]
-    )
-    A = A.reshape(len(equations), len(order) + 1)
-    pivots: list[int] = []
-    for column in range(len(order)):
-        row = len(pivots)
-        if row == len(A):
-            break
-        best = row + int(np.argmax(np.abs(A[row:, column])))
-        if abs(A[best, column]) <= ZERO_COEFFICIENT:
-            continue
-        A[[row, best]] = A[[best, row]]
-        A[row] /= A[row, column]
-        others = np.arange(len(A)) != row
-        A[others] -= A[others, column, None] * A[row]
-        pivots.append(column)
-    if (np.abs(A[len(pivots) :, -1]) > ZERO_COEFFICIENT).any():
+    """Solve the equations for as many joints as they determine, the first ones in the order."""
+    if not equations:
+        return {}
+    A = np.array([[coupling.terms.get(name, 0.0) for name in order] for coupling in equations])
+    constant = np.array([coupling.constant for coupling in equations])
+    dependent = independent_rows(A.T, range(len(order)))
+    others = np.setdiff1d(np.arange(len(order)), dependent)
+    # A_dependent q_dependent = constant - A_others q_others
+    x = np.linalg.lstsq(A[:, dependent], np.column_stack([-A[:, others], constant]))[0]
+    if (np.abs(A[:, dependent] @ x[:, -1] - constant) > ZERO_COEFFICIENT).any():
         raise InputError(
             file, "", f"{equations[0].label} and others contradict each other: no joint positions satisfy all"
         )
-    return {order[column]: _row(order, A[k], column) for k, column in enumerate(pivots)}
-
-
-def _row(order: Sequence[str], row: Array, column: int) -> tuple[dict[str, float], float]:
-    """Convert an equation, solved for a joint, to its coefficients and offset."""
-    terms = {name: -round(float(c), DIGITS) + 0.0 for name, c in zip(order, row[:-1], strict=True)}
-    del terms[order[column]]
-    return {name: c for name, c in terms.items() if c}, round(float(row[-1]), DIGITS) + 0.0
+    names = [order[k] for k in others]
+    rows = zip(dependent, (x.round(DIGITS) + 0.0).tolist(), strict=True)
+    return {
+        order[k]: ({name: c for name, c in zip(names, row, strict=False) if c}, row[-1]) for k, row in rows
+    }
 
 
 def chain_map(file: Path, joints: Sequence[ImportedJoint], rows: Rows) -> JointMap | None:
@@ -616,52 +599,59 @@ class Tip(NamedTuple):
     site: ImportedSite  #: In the body's frame.
 
 
-def path_to(robot: Robot, body: int) -> list[int]:
+def path_to(bodies: Sequence[Body], body: int) -> list[int]:
     """List the bodies from the root of the tree to a body.
 
     Args:
-        robot: The robot.
-        body: Index of the last body.
+        bodies: All bodies.
+        body: Index of the last body; -1 for the world.
 
     Returns:
-        Indices of the bodies, root first.
+        Indices of the bodies, root first; none for the world.
     """
-    path = [body]
-    while (before := robot.bodies[path[0]].parent) >= 0:
-        path.insert(0, before)
+    path: list[int] = []
+    while body >= 0:
+        path.insert(0, body)
+        body = bodies[body].parent
     return path
 
 
-def named_tips(robot: Robot) -> list[Tip]:
-    """List every body and site that may carry the tool.
+def find_tip(file: Path, robot: Robot, name: str | None) -> Tip:
+    """Find the place of the tool.
 
     Args:
+        file: The robot's file, for messages.
         robot: The robot.
+        name: Link, body or site that carries the tool; None for the usual one.
 
     Returns:
-        The places, in the order of the bodies.
+        The place.
+
+    Raises:
+        InputError: If the robot has nothing of this name.
     """
-    return [
+    tips = [
         Tip(k, site)
         for k, body in enumerate(robot.bodies)
         for site in (ImportedSite(body.name, np.eye(4)), *body.sites)
     ]
+    if name is None:
+        return _usual_tip(robot, tips)
+    found = next((tip for tip in tips if tip.site.name == name), None)
+    if found is None:
+        names = some_of(sorted({tip.site.name for tip in tips}))
+        raise InputError(file, "", f"no link, body or site {name!r} for the tip; there are {names}")
+    return found
 
 
-def usual_tip(robot: Robot) -> Tip:
+def _usual_tip(robot: Robot, tips: Sequence[Tip]) -> Tip:
     """Find the place of the tool if none is given: the end of the longest chain of moving joints.
 
     A gripper and rods that follow other joints do not count; a link with the name of a flange has priority
     over a longer chain. On the last moving body, or fixed to it, a usual name decides; else a bare frame
     fixed to it; else the body itself.
-
-    Args:
-        robot: The robot.
-
-    Returns:
-        The place.
     """
-    bodies, tips = robot.bodies, named_tips(robot)
+    bodies = robot.bodies
     carriers = [_carrier(robot, k) for k in range(len(bodies))]
     ranked = [(rank, tip) for tip in tips if (rank := _rank(tip.site.name)) is not None]
     flanges = [(rank, carriers[tip.body]) for rank, tip in ranked if _is_flange(robot, rank, tip)]
@@ -675,7 +665,7 @@ def usual_tip(robot: Robot) -> Tip:
 
 def _is_flange(robot: Robot, rank: int, tip: Tip) -> bool:
     """Tell whether a place has the name of a flange and is behind the joints of an arm."""
-    joints = sum(robot.bodies[k].joint is not None for k in path_to(robot, tip.body))
+    joints = sum(robot.bodies[k].joint is not None for k in path_to(robot.bodies, tip.body))
     return TIPS[rank] in FLANGES and joints >= ARM_JOINTS
 
 
@@ -696,7 +686,7 @@ def _carrier(robot: Robot, body: int) -> int:
 def _is_rod(robot: Robot, k: int) -> bool:
     """Tell whether a body follows a joint before it: a rod of the arm, not a finger of a gripper."""
     name = robot.bodies[k].follows
-    before = [robot.bodies[b].joint for b in path_to(robot, k)[:-1]]
+    before = [robot.bodies[b].joint for b in path_to(robot.bodies, k)[:-1]]
     return bool(name) and name in [joint.name for joint in before if joint]
 
 
