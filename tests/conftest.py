@@ -17,7 +17,7 @@ LONGEST = (
     "test_fuzz test_own_estimator_studies test_pictures test_wheel test_gravity_calibration test_which_model "
     "test_bench test_model_error test_identifiability_study test_real_ur10 test_regimes "
     "test_compensation test_pose_selection test_noise_sensitivity test_trial_engine test_any_files "
-    "test_doubts test_kinds_of_files test_absolute_faults test_distances test_proposed_maps "
+    "test_doubts test_samples test_absolute_faults test_distances test_proposed_maps "
     "test_calibrate_command test_new test_campaign_reports test_identify_command test_prior "
     "test_compensate_command test_plan_command test_intervals"
 ).split()

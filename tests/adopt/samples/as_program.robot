@@ -1,0 +1,3 @@
+.PROGRAM cal()
+JAPPRO #p1, 100
+.END

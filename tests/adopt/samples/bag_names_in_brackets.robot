@@ -1,0 +1,5 @@
+Time,/joint_states/name_0,/joint_states/name_1,/joint_states/name_2,/joint_states/name_3,/joint_states/name_4,/joint_states/name_5,/joint_states/position_0,/joint_states/position_1,/joint_states/position_2,/joint_states/position_3,/joint_states/position_4,/joint_states/position_5,velocity_0,velocity_1,velocity_2,velocity_3,velocity_4,velocity_5
+0.000,joint_3,joint_2,joint_1,joint_4,joint_5,joint_6,0.398476122,-0.638284361,-0.652683327,2.138551932,0.574894002,3.992685010,0.0,0.0,0.0,0.0,0.0,0.0
+0.100,joint_3,joint_2,joint_1,joint_4,joint_5,joint_6,1.387013157,-0.798034347,0.522167606,-3.182764971,-1.488835665,-4.557508463,0.0,0.0,0.0,0.0,0.0,0.0
+0.200,joint_3,joint_2,joint_1,joint_4,joint_5,joint_6,-0.882246484,-1.154273501,-0.143361345,-1.661780341,0.637376790,2.308896067,0.0,0.0,0.0,0.0,0.0,0.0
+0.300,joint_3,joint_2,joint_1,joint_4,joint_5,joint_6,-1.491017327,-1.323587892,1.394727512,2.881137169,0.552222175,-0.393659013,0.0,0.0,0.0,0.0,0.0,0.0
