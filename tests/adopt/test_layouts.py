@@ -52,6 +52,27 @@ def test_a_sample_is_read_to_the_last_digit_by_its_own_layout_and_by_no_other(na
     np.testing.assert_allclose(series.q, Q, rtol=0, atol=6e-11)  # 10 digits in radians
 
 
+EXPORTS = {path.stem: path for path in (ROOT / "tests" / "adopt" / "exports").glob("*.csv")}
+"""Exports whose columns have names that tell all: they need no layout."""
+WITH_JOINTS = {"joints_in_one_cell", "robodk_measurements", "table_chinese", "table_french", "table_german"}
+
+
+@pytest.mark.parametrize("name", sorted(EXPORTS))
+def test_an_export_of_common_names_is_read_to_the_last_digit_without_a_layout(name, tmp_path):
+    (file := tmp_path / f"{name}.csv").write_bytes(EXPORTS[name].read_bytes())
+    log = part(tmp_path / "robot.csv", range(7))
+    if name == "ros_plotjuggler":
+        log, file = file, part(tmp_path / "points.csv", [0, *range(7, 16)])
+    elif name in WITH_JOINTS:
+        log = None
+    proposal = propose(file, ARM, log, tmp_path)
+    [series] = read_series(file, ARM, proposal.map()).series
+    targets = len(series.markers)
+    order = [series.markers.index(marker) for marker in ARM.markers] if targets > 1 else [0]
+    np.testing.assert_allclose(series.position[:, order], X[:, :targets], rtol=0, atol=5e-11)
+    np.testing.assert_allclose(series.q, Q, rtol=0, atol=6e-11)
+
+
 def test_our_own_files_are_of_no_layout():
     files = [*ROOT.glob("docs/*.csv"), *ROOT.glob("models/*/readings/*.csv"), FOLDER / "readings.csv"]
     assert len(files) > 5
