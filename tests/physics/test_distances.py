@@ -395,21 +395,28 @@ def test_rows_of_a_table_with_a_direction_are_heights_over_a_plane(kr500, tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("table", "old", "new", "words"),
     [
-        (
-            ",0,0,2\n",
-            ",,,\n",
-            "line 2, column height_mm: expected more than 0, got 0 m; a height over a plane",
-        ),
-        ("100,0,0,2", "100,0,0,0", "line 2, column direction_x: expected the plane's normal, got 0, 0, 0"),
-        ("100,0,0,2", "100,0,,2", "line 2, column direction_y: expected a finite number, got ''"),
-        ("2345", "-2345", "line 4, column height_mm: expected more than 0, got -2.345 m"),
+        (FACES, ",0,0,2\n", ",,,\n",
+         "line 2, column height_mm: expected more than 0, got 0 m; a height over a plane"),
+        (FACES, "100,0,0,2", "100,0,0,0",
+         "line 2, column direction_x: expected the plane's normal, got 0, 0, 0"),
+        (FACES, "100,0,0,2", "100,0,,2", "line 2, column direction_y: expected a finite number, got ''"),
+        (FACES, "2345", "-2345", "line 4, column height_mm: expected more than 0, got -2.345 m"),
+        (TABLE, "fixed_x_mm,fixed_y_mm,fixed_z_mm", "a,b,c",
+         "missing columns: fixed_x_m, fixed_y_m, fixed_z_m"),
+        (TABLE, "2345.6,2200,0,100", "2345.6,,,", "line 2, column fixed_x_mm: expected the fixed point"),
+        (TABLE, "2345.6", "-2345.6", "line 2, column distance_mm: expected more than 0, got -2.3456 m"),
+        (TABLE, "distance_mm", "distance_before_mm", "missing columns: distance_m"),
+        (TABLE.replace("P1,", "P1,1,2,3,"), "marker,", "marker,x_mm,y_mm,z_mm,",
+         "expected distances, or positions and orientations, got both"),
     ],
-)
-def test_a_wrong_table_of_heights_is_refused_in_one_line(kr500, tmp_path, old, new, words):
+)  # fmt: skip
+def test_a_wrong_table_of_heights_or_distances_is_refused_in_one_line(
+    kr500, tmp_path, table, old, new, words
+):
     file = tmp_path / "d.csv"
-    file.write_text(FACES.replace(old, new, 1))
+    file.write_text(table.replace(old, new, 1))
     assert words in refused(read_series, file, kr500.arm)
 
 
@@ -445,27 +452,6 @@ def in_a_row(q):
     rows = np.tile(q[0], (len(q), 1))
     rows[:, 0] += np.linspace(0, 1e-3, len(q))
     return rows
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        (
-            "fixed_x_mm,fixed_y_mm,fixed_z_mm",
-            "a,b,c",
-            "missing columns: fixed_x_m, fixed_y_m, fixed_z_m",
-        ),
-        ("2345.6,2200,0,100", "2345.6,,,", "line 2, column fixed_x_mm: expected the fixed point"),
-        ("2345.6", "-2345.6", "line 2, column distance_mm: expected more than 0, got -2.3456 m"),
-        ("distance_mm", "distance_before_mm", "missing columns: distance_m"),
-        ("marker,", "marker,x_mm,y_mm,z_mm,", "expected distances, or positions and orientations, got both"),
-    ],
-)
-def test_a_wrong_table_of_distances_is_refused_in_one_line(kr500, tmp_path, old, new, words):
-    file = tmp_path / "d.csv"
-    text = TABLE.replace(old, new, 1)
-    file.write_text(text.replace("P1,", "P1,1,2,3,") if "x_mm,y_mm,z_mm,j" in new + "j" else text)
-    assert words in refused(read_series, file, kr500.arm)
 
 
 @pytest.mark.parametrize(

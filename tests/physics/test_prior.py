@@ -25,7 +25,6 @@ from testbench.data.dataset import select_runs
 from testbench.identify import average, hierarchy
 from testbench.identify import posterior as posteriors
 from testbench.identify.average import (
-    average_models,
     average_two_priors,
     pose_to_pose_variation,
     weight_for_pose_variation,
@@ -48,7 +47,6 @@ from testbench.identify.prior import (
     rescale_to_data,
     rows_in_prior_units,
     scale_by_prior,
-    with_weaker_coupling,
 )
 from testbench.identify.regression import embed_parameters, f_m, restrict_regression
 from testbench.identify.solve import solve, solve_with_prior
@@ -407,7 +405,6 @@ def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_loga
 
 
 SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
-SEED = 1  #: Of arms with coupled links and of tubes.
 
 
 @pytest.fixture(scope="module")
@@ -462,38 +459,13 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     np.testing.assert_allclose(found, -math.log(2 * math.pi) / 2, rtol=0, atol=1e-5)  # left out on purpose
 
 
-@pytest.fixture(scope="module")
-def by_beams_and_both(kr500):
-    """Estimates by the folder's prior alone, and by the softened one too, of an arm a kind; truths."""
-    s, prior, found = all153(kr500.arm), cad_prior(kr500.arm), {}
-    beams, soft = (scale_by_prior(own, kr500.vjm, s) for own in (prior, with_weaker_coupling(prior)))
-    for kind in ("coupled", "tubes"):
-        arm = simulate(true_cell(kr500, kind, SEED), SCENARIO, SEED)
-        r = reduce(kr500.vjm, s, arm.identification)
-        alone = average_models(r, "psd", beams, for_intervals=True)
-        found[kind] = arm, alone, average_two_priors(r, "psd", beams, soft)
-    return found
-
-
-def test_links_that_are_no_beams_are_told_by_the_evidence(kr500, by_beams_and_both):
-    for kind, most in (("coupled", 0.95), ("tubes", 1.05)):
-        alone, ours = errors(kr500, *by_beams_and_both[kind])
-        assert ours < most * alone
-
-
-def test_an_average_is_conservative_and_widths_are_less_sure_of_joints_alone(kr500, rigid, by_beams_and_both):
+def test_an_average_is_conservative_and_widths_are_less_sure_of_joints_alone(kr500, rigid):
     found = with_prior(gco, cad_prior(kr500.arm))(kr500.vjm, all153(kr500.arm), rigid.identification)
-    whole, w, links = (
-        found.averaged_models.links_and_joints,
-        found.averaged_models.joints_only_weight,
-        slice(0, 42),
-    )
+    average, links = found.averaged_models, slice(0, 42)
+    whole, w = average.links_and_joints, average.joints_only_weight
     np.testing.assert_allclose(found.C_theta[links, links], (1 - w) * whole.C_theta[links, links], rtol=1e-12)
     assert found.conservative
-    assert w > found.averaged_models.joints_only_probability > 0.5  # these joints are alone
-    *_, found = by_beams_and_both["coupled"]
-    assert sum(share for share, _ in found.averaged_models.estimate_per_prior) == pytest.approx(1)
-    assert found.conservative
+    assert w > average.joints_only_probability > 0.5  # these joints are alone
 
 
 @pytest.mark.parametrize("kind", ["every model", "coupled joints alone", "two priors"])
@@ -850,21 +822,17 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
         ([0.2, 0.3, 0.4], False, 0.0),  # t = 5.2, of two degrees of freedom 2.9 is sure
         ([0.1, 0.5, 0.9], False, 1.0),  # t = 2.2
         ([-0.2, -0.3, -0.4], False, 1.0),
+        (None, False, 0.0),  # without held-out errors the average stays
         ([0.2, 0.3, 0.4], True, average.MIN_JOINTS_ONLY_WEIGHT),
         ([0.1, 0.5, 0.9], True, average.JOINTS_ONLY_WEIGHT_IF_UNSURE),
         ([-0.2, -0.3, -0.4], True, 1.0),
+        (None, True, average.MIN_JOINTS_ONLY_WEIGHT),
     ],
 )
 def test_links_count_where_they_surely_predict_poses_better_that_were_left_out(gains, changes, weight):
     own = np.array([1.0, 2.0, 0.5])
-    assert average.joints_only_weight((own, own * np.exp(gains)), links_vary=changes) == weight
-
-
-@pytest.mark.parametrize("changes", [False, True])
-def test_without_held_out_errors_the_average_stays_but_where_links_change(changes):
-    assert average.joints_only_weight(None, links_vary=changes) == (
-        average.MIN_JOINTS_ONLY_WEIGHT if changes else 0
-    )
+    errors = None if gains is None else (own, own * np.exp(gains))
+    assert average.joints_only_weight(errors, links_vary=changes) == weight
 
 
 def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(kr500, alike, monkeypatch):

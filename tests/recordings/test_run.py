@@ -20,11 +20,7 @@ from testbench.report.recording.run import (
     CHART_HIGH,
     LEAST_CHART,
     LINE,
-    _beyond,
-    _from_zero,
     _heights,
-    _legend_room,
-    _seen,
     write_run,
 )
 from testbench.report.recording.stream import RecordingHeader
@@ -56,6 +52,17 @@ def seen(arm_6r):
 def written(path, seen, **figures):
     write_run(path, RecordingHeader("made_up", "{}", 1), REPORT, seen, figures)
     return path
+
+
+def looked_at(folder, seen, **figures):
+    """Chunks of a recording that is sound."""
+    return sound(written(folder / "a.rrd", seen, **figures), "It is 3.000 mm off.")
+
+
+def with_layers(seen, *layers):
+    """The run with these layers alone in its first group, and without a map."""
+    own = replace(seen.scene.groups[0], layers=[*layers])
+    return replace(seen, scene=replace(seen.scene, groups=[own]), map=None)
 
 
 @pytest.fixture(scope="module")
@@ -219,7 +226,7 @@ def test_the_winner_less_joint_stiffness_has_the_colour_of_the_one_that_errs_les
     both = replace(seen.map, lines=[joints, ours])
     assert seen.map.difference is None
     assert both.difference == (ours, joints)
-    chunks = sound(written(tmp_path / "a.rrd", replace(seen, map=both)), "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, replace(seen, map=both))
     known = np.isfinite(mm)
     off = (ours.values - mm)[known]
     data = columns(chunks, "/world/map/difference/field")
@@ -249,7 +256,7 @@ def test_lines_have_the_colour_of_their_model_and_a_cross_where_it_has_a_prior(c
 
 
 def test_a_map_without_an_arm_is_drawn_alone(seen, tmp_path):
-    chunks = sound(written(tmp_path / "a.rrd", PageContent(map=seen.map)), "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, PageContent(map=seen.map))
     assert "- one: 5.000 mm, place 5, " in document(chunks, "/map_words")
 
 
@@ -309,76 +316,50 @@ def test_a_run_without_a_scene_opens_on_its_figures_drawn_anew(chart, tmp_path):
     assert [key["Points2D:colors"][0][0] >> shift & 255 for shift in (24, 16, 8)] == [0xC8, 0x83, 0x04]
 
 
-def test_names_beside_an_axis_stand_apart_however_many_they_are(seen, tmp_path):
-    figure = Figure()
-    axes = figure.subplots()
-    axes.plot(np.arange(17.0), np.arange(17), "o")
-    axes.set_yticks(range(17), [f"model {k}" for k in range(17)])
-    axes.set(xlabel="error [mm]", ylabel="true arm", ylim=(16.5, -0.5))
-    chunks = sound(written(tmp_path / "a.rrd", seen, chart=figure), "It is 3.000 mm off.")
-    at = np.array(columns(chunks, "/figures/chart_0/y_numbers")["Points2D:positions"][0])
-    dots = np.array(columns(chunks, "/figures/chart_0/dots")["Points2D:positions"][0])
-    assert np.diff(at[:, 1]) == pytest.approx(np.diff(dots[:, 1]))
-    assert np.diff(at[:, 1]).min() > 10
-    assert columns(chunks, "/figures/chart_0/y_name")["Points2D:labels"] == [["true arm"]]
+ERRORS = (0.4, 0.1)  #: Of "other" and "one".
 
 
-@pytest.mark.parametrize(("count", "letters"), [(2, 30), (6, 8)])
-def test_the_legend_of_a_chart_covers_no_number(seen, count, letters):
-    line = seen.runs[0].lines[0]
-    lines = [replace(line, name=f"{k}" * letters, values=np.full(5, 2.0), ends=None) for k in range(count)]
-    chart = replace(seen.runs[0], lines=lines, limit=None)
-    above, aside = _legend_room(chart, 28 + 25 + 250)
-    top = _from_zero(chart, above).range.as_arrow_array().to_pylist()[0][1]
-    last = _beyond(40, aside).view_range.as_arrow_array().to_pylist()[0]["end"]
-    wide, high = (40 + 5.5 * letters) / 620, 23.5 * count / 250  # as the viewer draws it [pixel]
-    assert (1 - high) * top >= 2.0 or (1 - wide) * last >= 40
+@pytest.fixture
+def models(seen, tmp_path):
+    """What a recording has of a table of two models, which has one more column of numbers."""
+
+    def drawn(column, numbers=ERRORS, *, conservative=False):
+        rows = [
+            Row(
+                name=own.name, structure="MGCO56", constraint="psd", prior=own.name == "one",
+                conservative=x < 0.2, **{column.key: x},
+            )
+            for own, x in zip(seen.runs[0].lines, numbers, strict=True)
+        ]  # fmt: skip
+        shown = [TableColumn("name", "model"), column]
+        shown += [TableColumn("conservative", "conservative", form="yes")] if conservative else []
+        table = Table(tuple(shown), rows, "Models", "one", column.key)
+        chunks = looked_at(tmp_path, replace(seen, tables=[table]))
+        return lambda name, column: columns(chunks, f"/models/{name}")[column]
+
+    return drawn
 
 
-def test_what_is_dark_or_pale_on_paper_is_seen_on_any_ground():
-    assert _seen((0.1, 0.1, 0.1)) == _seen((1.0, 1.0, 1.0)) == GREY
-    assert _seen((1.0, 0.5, 0.0)) == (255, 128, 0)
-
-
-def test_models_are_bars_from_zero_each_with_its_name_and_number(seen, tmp_path):
-    rows = [Row(name=own.name, structure="MGCO56", constraint="psd", prior=own.name == "one", error=x)
-            for own, x in zip(seen.runs[0].lines, (0.4, 0.1), strict=True)]  # fmt: skip
-    table = Table(
-        (TableColumn("name", "model"), TableColumn("error", "error", "mm")), rows, "Models", "one", "error"
-    )
-    chunks = sound(written(tmp_path / "a.rrd", replace(seen, tables=[table])), "It is 3.000 mm off.")
-    assert columns(chunks, "/models/y_numbers")["Points2D:labels"] == [["one", "other"]]  # the best first
-    assert columns(chunks, "/models/texts")["Points2D:labels"] == [["0.100", "0.400"]]
-    ends = [
-        np.array(strip)[:, 0].max() for strip in columns(chunks, "/models/lines")["LineStrips2D:strips"][0]
-    ]
-    radii = columns(chunks, "/models/lines")["LineStrips2D:radii"][0]
-    reached = [end + radius for end, radius in zip(ends, radii, strict=True)]
+def test_models_are_bars_from_zero_each_with_its_name_and_number(models):
+    part = models(TableColumn("error", "error", "mm"))
+    assert part("y_numbers", "Points2D:labels") == [["one", "other"]]  # the best first
+    assert part("texts", "Points2D:labels") == [["0.100", "0.400"]]
+    ends = [np.array(strip)[:, 0].max() for strip in part("lines", "LineStrips2D:strips")[0]]
+    reached = np.add(ends, part("lines", "LineStrips2D:radii")[0])
     assert reached[1] / reached[0] == pytest.approx(4.0)
 
 
-def test_ratios_are_dots_beside_a_line_at_one(seen, tmp_path):
-    rows = [Row(name=own.name, structure="MGCO56", constraint="psd", prior=False, ratio=x)
-            for own, x in zip(seen.runs[0].lines, (0.5, 2.0), strict=True)]  # fmt: skip
-    table = Table((TableColumn("name", "model"), TableColumn("ratio", "ratio")), rows, "Models", "", "ratio")
-    chunks = sound(written(tmp_path / "a.rrd", replace(seen, tables=[table])), "It is 3.000 mm off.")
-    [[line]] = columns(chunks, "/models/lines")["LineStrips2D:strips"]
-    half, twice = np.sort(np.array(columns(chunks, "/models/dots")["Points2D:positions"][0])[:, 0])
+def test_ratios_are_dots_beside_a_line_at_one(models):
+    part = models(TableColumn("ratio", "ratio"), (0.5, 2.0))
+    [[line]] = part("lines", "LineStrips2D:strips")
+    half, twice = np.sort(np.array(part("dots", "Points2D:positions")[0])[:, 0])
     assert np.array(line)[:, 0] == pytest.approx((half + twice) / 2)  # on a logarithmic axis
 
 
-def test_a_model_that_is_not_conservative_says_so_beside_its_number_in_a_place_of_its_own(seen, tmp_path):
-    rows = [
-        Row(name=own.name, structure="MGCO56", constraint="psd", prior=False, error=x, conservative=x < 0.2)
-        for own, x in zip(seen.runs[0].lines, (0.4, 0.1), strict=True)
-    ]
-    keys = (TableColumn("name", "model"), TableColumn("error", "error", "mm"))
-    yes = TableColumn("conservative", "conservative", form="yes")
-    table = Table((*keys, yes), rows, "Models", "one", "error")
-    chunks = sound(written(tmp_path / "a.rrd", replace(seen, tables=[table])), "It is 3.000 mm off.")
-    texts = columns(chunks, "/models/texts")
-    assert texts["Points2D:labels"] == [["0.100", "0.400, not conservative"]]
-    heights = np.array(texts["Points2D:positions"][0])[:, 1]
+def test_a_model_that_is_not_conservative_says_so_beside_its_number_in_a_place_of_its_own(models):
+    part = models(TableColumn("error", "error", "mm"), conservative=True)
+    assert part("texts", "Points2D:labels") == [["0.100", "0.400, not conservative"]]
+    heights = np.array(part("texts", "Points2D:positions")[0])[:, 1]
     assert np.diff(np.sort(heights)).min() >= LINE  # a label is one line high
 
 
@@ -394,15 +375,6 @@ def test_a_summary_has_room_for_its_words_and_charts_for_their_lines():
     headings = "\n\n".join(["## **Holds**", *["#### " + "word " * 40] * 12])
     assert _heights(headings, 900.0, 1)[1] == LEAST_CHART
     assert _heights(short, 900.0, 0) == (900.0, 0.0)
-
-
-def test_layers_that_look_alike_share_their_colour_in_words(seen, tmp_path):
-    first = seen.scene.groups[0]
-    tube = replace(first.layers[2], kind="tubes", labels=(), values=np.ones(first.layers[2].at.shape[1]))
-    layers = [replace(tube, name="before"), first.layers[0], replace(tube, name="after")]
-    page = replace(seen, scene=replace(seen.scene, groups=[replace(first, layers=layers)]), map=None)
-    chunks = sound(written(tmp_path / "a.rrd", page), "It is 3.000 mm off.")
-    assert "Tubes: before, after; rust dots: target as read." in document(chunks, "/here/runs")
 
 
 def test_tables_of_a_recording_say_first_what_the_names_of_models_mean(seen, tmp_path):
@@ -423,7 +395,7 @@ def test_lines_end_where_their_axes_end_and_names_of_two_lines_are_whole(seen, t
     axes.plot([0.0, 1.0, 5.0], [-2.0, 0.5, 4.5], label="grows")
     axes.set_yticks([0, 1], ["GCO of all links and\njoints with prior  1.00", "Joints  2.00"])
     axes.set(xlabel="error [mm]", xlim=(0, 2), ylim=(0, 1))
-    chunks = sound(written(tmp_path / "a.rrd", seen, chart=figure), "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, seen, chart=figure)
     [[(_, (_, high), (wide, _))]] = columns(chunks, "/figures/chart_0/axes")["LineStrips2D:strips"]
     [strips] = columns(chunks, "/figures/chart_0/lines")["LineStrips2D:strips"]
     ends = np.concatenate([np.array(strip) for strip in strips])
@@ -433,33 +405,6 @@ def test_lines_end_where_their_axes_end_and_names_of_two_lines_are_whole(seen, t
     assert lines == ["GCO of all links and", "joints with prior 1.00", "Joints 2.00"]
     [key] = columns(chunks, "/figures/chart_0/key_0")["Points2D:positions"]
     assert key[0][0] > wide  # beside the axes
-
-
-@pytest.mark.parametrize(("second", "written_again"), [("grows", False), ("falls", True)])
-def test_panes_with_the_same_key_have_it_once_and_axes_of_one_width(tmp_path, second, written_again):
-    figure = Figure()
-    for axes, label in zip(figure.subplots(2, 1), ("grows", second), strict=True):
-        axes.plot([0.0, 1.0], [0.0, 1.0], color="#C88304", label=label)
-        axes.set_yticks([0, 1], ["soft arm", "stiff arm"])
-        axes.set(xlabel="error [mm]", xlim=(0, 1), ylim=(0, 1))
-    chunks = sound(written(tmp_path / "a.rrd", PageContent(), Chart=figure), "It is 3.000 mm off.")
-    keys = [columns(chunks, f"/figures/chart_{k}/key_0").get("Points2D:labels") for k in (0, 1)]
-    assert keys == [[["grows"]], [[second]] if written_again else None]
-    corners = [columns(chunks, f"/figures/chart_{k}/axes")["LineStrips2D:strips"][0] for k in (0, 1)]
-    assert corners[0] == corners[1]
-
-
-def test_places_of_a_map_have_words_without_the_colours_of_what_is_not_drawn_there(seen, tmp_path):
-    first, places = seen.scene.groups
-    dots = replace(first.layers[0], at=seen.map.at[:, None], labels=())
-    groups = [first, replace(places, layers=[dots])]
-    own = replace(seen, scene=replace(seen.scene, groups=groups))
-    chunks = sound(written(tmp_path / "a.rrd", own), "It is 3.000 mm off.")
-    with_colours, alone = (
-        columns(chunks, f"/{name}/places")["TextDocument:text"] for name in ("here", "place")
-    )
-    assert all("rust dots: " in text.lower() for [text] in with_colours)
-    assert not any("dots: " in text.lower() for [text] in alone)
 
 
 BEFORE, AFTER = np.array([4.0, 3, 2, np.nan]), np.array([1.0, 1, 1, 1])
@@ -509,9 +454,7 @@ def test_a_weight_hangs_below_its_hook_as_large_as_steel_and_a_force_is_an_arrow
     assert np.isfinite(push.at[:, 0, 0]).tolist() == [False, False, True, True, False]
     assert (push.to - push.at)[2:4, 0] == pytest.approx(0.2 * 3 * force[2:4] / 981)
     assert push.to[3, 0] == pytest.approx(hook[3])  # into the arm: it ends there, or the arm would hide it
-    own = replace(seen.scene.groups[0], layers=[weight, push])
-    file = written(tmp_path / "a.rrd", replace(seen, scene=replace(seen.scene, groups=[own]), map=None))
-    chunks = sound(file, "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, with_layers(seen, weight, push))
     bodies = columns(chunks, "/world/runs/load_body")
     for rank, at in zip(bodies["typical_first"], bodies["Cylinders3D:centers"], strict=True):
         here = np.isfinite(weight.at[SHOWN[rank], 0, 0])
@@ -525,35 +468,32 @@ def test_a_face_is_a_square_across_its_normal_seen_through_and_named(seen, tmp_p
     rng = np.random.default_rng(5)
     at, u = rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
-    layer = faces(at, u, 0.4, ["plane 1", "plane 2", "plane 3"])
-    own = replace(seen.scene.groups[0], layers=[layer])
-    file = written(tmp_path / "a.rrd", replace(seen, scene=replace(seen.scene, groups=[own]), map=None))
-    chunks, path = sound(file, "It is 3.000 mm off."), "/world/runs/faces"
+    names = ["plane 1", "plane 2", "plane 3"]
+    drawn = with_layers(seen, faces(at, u, 0.4, names))
+    chunks = looked_at(tmp_path, drawn)
 
     def still(path, column):
-        [part] = columns(chunks, path)[column]
+        [part] = columns(chunks, f"/world/runs/{path}")[column]
         return part
 
-    corners = np.array(still(path, "Mesh3D:vertex_positions")).reshape(3, 4, 3)
+    corners = np.array(still("faces", "Mesh3D:vertex_positions")).reshape(3, 4, 3)
     assert corners.mean(axis=1) == pytest.approx(at, abs=1e-6)
     assert np.vecdot(corners - at[:, None], u[:, None]) == pytest.approx(0, abs=1e-6)
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    assert sides == pytest.approx(0.8, abs=1e-6)
-    assert np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) == pytest.approx(0.8 * np.sqrt(2), abs=1e-6)
-    [colour] = still(path, "Mesh3D:albedo_factor")
+    for far, size in ((1, 0.8), (2, 0.8 * np.sqrt(2))):  # sides and diagonals
+        length = np.linalg.norm(corners - np.roll(corners, far, axis=1), axis=2)
+        assert length == pytest.approx(size, abs=1e-6)
+    [colour] = still("faces", "Mesh3D:albedo_factor")
     assert colour & 0xFF == 70  # of 255
-    way = np.array(still(f"{path}_normals", "Arrows3D:vectors"))
+    way = np.array(still("faces_normals", "Arrows3D:vectors"))
     assert way / np.linalg.norm(way, axis=1, keepdims=True) == pytest.approx(u, abs=1e-6)
-    assert list(still(f"{path}_names", "Points3D:labels")) == ["plane 1", "plane 2", "plane 3"]
-    drawn = replace(seen, scene=replace(seen.scene, groups=[own]), map=None)
+    assert list(still("faces_names", "Points3D:labels")) == names
     [on_page] = seen_plain(drawn)["scene"]["groups"][0]["layers"]
     assert np.reshape(on_page["squares"], (3, 4, 3)) == pytest.approx(1e4 * corners, abs=0.51)
-    first, _, *_ = overview(REPORT, drawn).axes
-    panes = [axes for axes in first.figure.axes if axes.get_xlabel() == "x [m]"]
-    outlines = [path.vertices[:4] for c in panes[0].collections for path in c.get_paths()]
+    [side] = [axes for axes in overview(REPORT, drawn).axes if axes.get_ylabel() == "z [m]"]
+    outlines = [path.vertices[:4] for c in side.collections for path in c.get_paths()]
     for square in corners[:, :, [0, 2]]:
         assert any(len(found) == 4 and np.allclose(found, square, atol=1e-6) for found in outlines)
-    assert {"plane 1", "plane 2", "plane 3"} <= {text.get_text() for text in panes[0].texts}
+    assert {*names} <= {text.get_text() for text in side.texts}
 
 
 def test_a_gauge_is_a_cylinder_along_its_direction_that_touches_its_marker_from_outside(seen, tmp_path):
@@ -564,9 +504,7 @@ def test_a_gauge_is_a_cylinder_along_its_direction_that_touches_its_marker_from_
     [layer] = gauges(at, u, tool, reach=3.0)
     length = layer.to - layer.at
     assert (np.vecdot(length, at - tool[:, None])[u.any(axis=2)] > 0).all()
-    own = replace(seen.scene.groups[0], layers=[layer])
-    file = written(tmp_path / "a.rrd", replace(seen, scene=replace(seen.scene, groups=[own]), map=None))
-    drawn = columns(sound(file, "It is 3.000 mm off."), "/world/runs/gauges")
+    drawn = columns(looked_at(tmp_path, with_layers(seen, layer)), "/world/runs/gauges")
     for rank, *parts in zip(
         drawn["typical_first"],
         *(drawn[f"Cylinders3D:{name}"] for name in ("centers", "lengths", "quaternions")),
@@ -615,9 +553,8 @@ def test_ellipsoids_stand_still_with_the_sizes_and_directions_of_report_json(see
         for k in range(6)
     ]
     times, layer = ellipsoid_layer(rows, 900.0)
-    own = replace(seen.scene.groups[0], layers=[layer])
-    page = replace(seen, scene=replace(seen.scene, groups=[own]), map=None)
-    chunks = sound(written(tmp_path / "a.rrd", page), "It is 3.000 mm off.")
+    page = with_layers(seen, layer)
+    chunks = looked_at(tmp_path, page)
     path = "/world/runs/where_900_n_in_any_direction_move_the_tool"
     data = {name: column[0] for name, column in columns(chunks, path).items()}
     plain = seen_plain(page)["scene"]["groups"][0]["layers"][0]

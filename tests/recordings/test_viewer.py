@@ -1,6 +1,5 @@
 """Opening and rendering recordings: which file, which program, how a film plays, what is missing."""
 
-import io
 import os
 from dataclasses import replace
 
@@ -104,12 +103,3 @@ def test_half_a_recording_is_told_at_once_and_by_its_reason(folder, monkeypatch)
     (folder / "half.rrd").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(BenchError, match=r"half\.rrd: cannot be read: .*decode"):
         shot(folder / "half.rrd", folder / "picture.png", Sight(size="640x400"))
-
-
-# --- Films --------------------------------------------------------------------------------------------------
-
-
-def png(pixels):
-    data = io.BytesIO()
-    Image.fromarray(pixels).save(data, "PNG")
-    return data.getvalue()

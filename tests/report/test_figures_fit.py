@@ -248,59 +248,47 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
     check_legible(figure)
     most = max(details.compliances, key=lambda row: row.share_percent)
     assert most.part == "link_2"
-    size = np.sqrt(np.diag(most.reference))
     *panes, strip = figure.axes[:4]
-    limits = set()
-    titles = "true arm", row_head(TAKEN), "half width, 95 %"
-    for axes, key, title in zip(panes, ("reference", "estimate", "half"), titles, strict=True):
-        given = np.array(most[key], dtype=float) / np.outer(size, size)
-        assert axes.get_title() == title
+    keys = "reference", "estimate", "half"
+    for axes, key in zip(panes, keys, strict=True):
+        given = in_units(most, key)
         [image] = axes.images
         np.testing.assert_allclose(image.get_array().filled(np.nan), given)
-        limits.add((image.get_clim(), image.norm.linthresh))
         said = {tuple(map(round, text.get_position())): text.get_text() for text in axes.texts}
         assert said == {
             (j, i): f"{x:.2f}".replace("-", "−") if abs(x) >= 0.005 else "0"
             for (i, j), x in np.ndenumerate(given)
             if np.isfinite(x)
         }
-        assert [text.get_text() for text in axes.get_xticklabels()] == ["x", "y", "z", *TURNS]
         for text in axes.texts:  # white on dark cells alone
             j, i = map(round, text.get_position())
             cell = to_rgb(image.to_rgba(image.get_array()[i, j]))
             assert contrast(cell, to_rgb(text.get_color())) > 3
-    assert [text.get_text() for text in panes[0].get_yticklabels()] == ["x", "y", "z", *TURNS]
-    assert limits == {((-10, 10), 0.1)}
-    np.testing.assert_allclose(np.diag(panes[0].images[0].get_array()), 1)
+    assert len({axes.images[0].get_clim() for axes in panes}) == 1
     [image] = strip.images
     for k, row in enumerate(details.compliances):
-        size = np.sqrt(np.diag(row.reference))
-        for j, key in enumerate(("reference", "estimate", "half")):
-            own = np.ma.masked_invalid(np.array(row[key], dtype=float) / np.outer(size, size))
+        for j, key in enumerate(keys):
+            own = np.ma.masked_invalid(in_units(row, key))
             part = image.get_array()[7 * j : 7 * j + 6, 7 * k : 7 * k + 6]
             np.testing.assert_allclose(part, panes[0].images[0].to_rgba(own))
-    at = [(text.get_position()[0], text.get_text()) for text in strip.get_xticklabels()]
-    assert at == [(7 * k + 2.5, row.part) for k, row in enumerate(details.compliances)]
-    assert [text.get_text() for text in strip.get_yticklabels()] == [*titles]
     upper = np.triu_indices(6)
     wrong, half = (np.array(own, dtype=float)[upper] for own in (most.estimate, most.half))
     inside = np.abs(wrong - np.array(most.reference)[upper]) <= half
-    title = (
-        f"link_2 with joint_3: {inside.sum()} of {np.isfinite(half).sum()} entries agree with the true arm"
-    )
-    assert figure.get_suptitle().startswith(title)
-    caption = " ".join(figure.get_supxlabel().split())
-    assert f"causes {most.share_percent:.0f} % of the load's deflection" in caption
-    assert "logarithmic beyond ±0.1" in figure.axes[4].get_ylabel()
+    told = f"{inside.sum()} of {np.isfinite(half).sum()} entries agree with the true arm"
+    assert figure.get_suptitle().startswith(f"link_2 with joint_3: {told}")
+    assert f"{most.share_percent:.0f} %" in figure.get_supxlabel()
+
+
+def in_units(row, key):
+    """A matrix of a link over the square roots of the reference's diagonal, (6, 6) [1]."""
+    size = np.sqrt(np.diag(row.reference))
+    return np.array(row[key], dtype=float) / np.outer(size, size)
 
 
 def contrast(one, other):
     """Contrast of two colours, as WCAG has it [1]."""
     own = sorted((_contrast(one), _contrast(other)))
     return own[1] / own[0]
-
-
-TURNS = "rot x", "rot y", "rot z"
 
 
 def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_red(details):
@@ -319,11 +307,9 @@ def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_r
         low, high = axes.get_xlim()
         assert all(low <= x <= high for _, x in given)
         bad = sum(x < 0 for _, x in given)
-        told = f"{bad} of {len(given)} negative" if bad else "none negative"
-        assert axes.get_title() == f"{row_head(name)}:\n{told}"
+        assert (f"{bad} of {len(given)} negative" in axes.get_title()) == (bad > 0)
     assert len({axes.get_xlim() for axes in figure.axes}) == 1  # models compare on one scale
     assert figure.get_suptitle().startswith("Not conservative: least squares of beam links (")
-    assert [text.get_text() for text in figure.axes[0].get_yticklabels()][:2] == ["link_0", "link_1"]
 
 
 def marks(lines):
@@ -335,17 +321,12 @@ def test_the_figure_of_residuals_draws_both_histograms_their_normal_curves_and_p
     figure.draw_without_rendering()
     check_legible(figure)
     by_name = {row.name: row for row in details.residuals}
-    assert len({axes.get_xlim() for axes in figure.axes[:2]}) == 1
     for axes, name in zip(figure.axes, ("MGCO56", "MLS56"), strict=False):
         check_residuals(axes, by_name[name], LOOKS[name])
         low, high = axes.get_xlim()
         assert (low, high) == figure.axes[0].get_xlim()  # side by side one residual is as far from zero
         assert low < by_name[name].edges_um[0] < by_name[name].edges_um[-1] < high
     check_predictions(figure.axes[-1], details.predictions, ("MLS56", TAKEN))
-    normal = [name for name in ("MGCO56", "MLS56") if by_name[name].lilliefors_p >= 0.05]
-    title = " ".join(figure.get_suptitle().split())
-    words = {"MGCO56": "GCO of beam links", "MLS56": "least squares of beam links"}
-    assert all((said in title) == (name in normal) for name, said in words.items())
 
 
 def check_residuals(axes, row, look):
@@ -358,10 +339,8 @@ def check_residuals(axes, row, look):
     x, y = curve.get_data()
     area = row.n * (row.edges_um[1] - row.edges_um[0])
     np.testing.assert_allclose(y, area * norm(row.mean_um, row.deviation_um).pdf(x))
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("residual [µm]", "number of components")
     assert axes.get_ylim()[1] > max(*row.counts, *y)
-    [text] = axes.texts
-    said = text.get_text()
+    said = axes.texts[0].get_text()
     assert f"n {row.n}," in said
     assert f"deviation {row.deviation_um:.0f} µm" in said
     assert ("not normal" in said) == (row.lilliefors_p < 0.05)
@@ -370,14 +349,11 @@ def check_residuals(axes, row, look):
 def check_predictions(axes, found, names):
     """Dots of every model against what was measured."""
     *dots, line = axes.get_lines()
-    words = [in_words(name).removeprefix("the ") for name in names]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == words
     for own, name in zip(dots, names, strict=True):
+        assert own.get_label() == in_words(name).removeprefix("the ")
         np.testing.assert_array_equal(own.get_xdata(), found.measured_mm)
         np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[name])
     np.testing.assert_array_equal(*line.get_data())
-    assert axes.get_xlabel().endswith(" deflection [mm]")
-    assert axes.get_ylabel() == "predicted [mm]"
 
 
 @pytest.fixture(scope="module")
@@ -416,26 +392,19 @@ def test_the_figure_of_a_fit_has_models_ratios_with_intervals_residuals_and_runs
     order = [TAKEN, "MLS56", "MGCO56"]
     heads = [text.get_text().rsplit("  ", 1)[0] for text in forest.get_yticklabels()]
     assert heads == [row_head(name) for name in order]
-    dots = [line for line in ratio.get_lines() if line.get_marker() not in ("None", None)]
     by_name = {row.name: row.ratio for row in f.over}
+    dots = [line for line in ratio.get_lines() if line.get_marker() not in ("None", None)]
     middles = [float(np.ravel(line.get_xdata())[0]) for line in dots]
     assert middles == pytest.approx([getattr(by_name[name], "median", by_name[name]) for name in order])
-    spans = [
-        tuple(line.get_xdata()) for line in ratio.get_lines() if len(line.get_xdata()) == 2 and near_row(line)
-    ]
+    spans = [tuple(line.get_xdata()) for line in ratio.get_lines() if len(set(line.get_ydata())) == 1]
     for name in ("MLS56", "MGCO56"):
-        low, high = by_name[name].p05, by_name[name].p95
-        assert (low, high) in spans
-        assert low <= np.median(f.errors[name] / f.errors[TAKEN]) <= high
+        assert (by_name[name].p05, by_name[name].p95) in spans
+        assert by_name[name].p05 <= np.median(f.errors[name] / f.errors[TAKEN]) <= by_name[name].p95
     by_name = {row.name: row for row in f.details.residuals}
     for axes, model in zip(others, compared(f), strict=False):
         check_residuals(axes, by_name[model], LOOKS[model])
     check_predictions(others[-1], f.details.predictions, compared(f))
     assert runs.get_lines()[0].get_ydata() == pytest.approx([0.1, 0.3, 0.2])
-
-
-def near_row(line):
-    return len(set(line.get_ydata())) == 1
 
 
 def report():
@@ -450,34 +419,17 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     figure = model_figure(Row(f, identifiability=Row(help=proposals)), LOOKS)
     figure.draw_without_rendering()
     check_legible(figure)
-    first, second, sag, stiff, told, parts, *more = figure.axes
-    assert [axes.get_title().split(":")[0] for axes in (first, second)] == [
-        row_head("MLS56"),
-        row_head(TAKEN),
-    ]
-    assert [bar.get_width() for bar in sag.patches] == [row.share_percent for row in f.details.sag]
-    kinds = {
-        name: {
-            to_hex(bar.get_facecolor()).upper()
-            for bar, row in zip(sag.patches, f.details.sag, strict=True)
-            if row.part.startswith(name)
-        }
-        for name in ("link", "joint")
-    }
-    assert kinds == {"link": {hexadecimal(LINK)}, "joint": {hexadecimal(NOMINAL)}}
+    _, _, sag, stiff, told, parts, last = figure.axes
+    check_bars(sag, [row.part for row in f.details.sag], [row.share_percent for row in f.details.sag])
+    check_bars(parts, [row.part for row in f.seen.blocks], [row.told_percent for row in f.seen.blocks])
+    check_bars(last, ["way 1", "way 2", "way 3"], [0.1, 0.2, 0.3])
+    colours = {"link": hexadecimal(LINK), "joint": hexadecimal(NOMINAL)}
+    for bar, row in zip(sag.patches, f.details.sag, strict=True):
+        assert to_hex(bar.get_facecolor()).upper() == colours[row.part.partition("_")[0]]
     [whiskers] = [own.get_segments() for own in sag.collections]
     assert [tuple(ends[:, 0]) for ends in whiskers] == [
         (row.least_percent, row.most_percent) for row in f.details.sag
     ]
-    shares = [row.share_percent for row in f.details.sag]
-    assert shares == sorted(shares, reverse=True)
-    assert [text.get_text() for text in sag.texts] == [f"{share:.0f} %" for share in shares]
-    for axes, names in ((sag, f.details.sag), (parts, f.seen.blocks)):
-        named = dict(
-            zip(axes.get_yticks(), [text.get_text() for text in axes.get_yticklabels()], strict=True)
-        )
-        bars = [named[bar.get_y() + bar.get_height() / 2] for bar in axes.patches]
-        assert bars == [row.part for row in names]
     for line, spans, key in zip(stiff.get_lines(), stiff.collections, ("prior", "posterior"), strict=True):
         every = [row[key] for row in f.details.joints]
         assert line.get_xdata() == pytest.approx([own.middle for own in every])
@@ -485,24 +437,15 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
             assert low[1] == high[1] == y
             assert low[0] == pytest.approx(own.low) if own.low else low[0] < x
             assert high[0] == pytest.approx(own.high) if own.high else high[0] > x
-        assert line.get_label() == {"prior": "the arm's folder, ±30 %", "posterior": "identified"}[key]
     assert [text.get_text() for text in stiff.get_yticklabels()] == [row.joint for row in f.details.joints]
     dots, _ = told.get_lines()
     np.testing.assert_allclose(dots.get_ydata(), np.maximum(f.details.singular_values, 1e-4))
     decided = sum(x > 1 for x in f.details.singular_values)
     assert told.get_title() == f"Readings determine {decided} of 153 directions"
-    assert [bar.get_width() for bar in parts.patches] == [row.told_percent for row in f.seen.blocks]
-    labels = [axes.get_xlabel() for axes in (first, sag, stiff, parts, *more)]
-    assert labels == [
-        "eigenvalue [µrad/(N m)]",
-        "share of the load's deflection [%]",
-        f"stiffness [{f.details.joints[0].unit}]",
-        "prior variance removed [%]",
-        "expected error at random poses [mm]",
-    ]
-    [last] = more
-    assert [bar.get_width() for bar in last.patches] == pytest.approx([0.1, 0.2, 0.3])
-    assert [text.get_text() for text in last.get_yticklabels()] == ["way 1", "way 2", "way 3"]
-    title = " ".join(figure.get_suptitle().split())
-    said = f"{in_words(TAKEN)} is conservative; {f.details.sag[0].part} causes"
-    assert title.startswith(said)
+
+
+def check_bars(axes, names, widths):
+    """Bars of these widths, each beside its name."""
+    named = dict(zip(axes.get_yticks(), [text.get_text() for text in axes.get_yticklabels()], strict=True))
+    assert [named[bar.get_y() + bar.get_height() / 2] for bar in axes.patches] == names
+    assert [bar.get_width() for bar in axes.patches] == pytest.approx(widths)

@@ -5,7 +5,7 @@ import pytest
 from legible import check_legible
 
 from testbench.identify.posterior import Posterior
-from testbench.report.figure import page, say, split_title
+from testbench.report.figure import split_title
 from testbench.report.figures_fit import coverage_figure, joint_error_figure
 from testbench.runs.rows import Row
 from testbench.workflows.calibration_numbers import joint_curve
@@ -102,12 +102,3 @@ LONG = "averylongwordwithoutanyblankinitanywhereatall"
 )
 def test_a_title_ends_where_a_thought_ends_and_loses_no_word(words, title, rest):
     assert split_title(words, 27, 36) == (title, rest)
-
-
-def test_what_has_no_room_in_a_title_begins_the_words_below():
-    figure = page(2.0)
-    figure.subplots()
-    rest = "it holds in 95 of 100 trials"
-    say(figure, f"{'One is better than two by far, ' * 3}in all arms ({rest}).", "Dots: medians.")
-    below = " ".join(figure.get_supxlabel().split())
-    assert (rest in figure.get_suptitle(), below) == (False, "It holds in 95 of 100 trials. Dots: medians.")

@@ -95,20 +95,31 @@ def test_what_was_not_compared_over_the_workspace_is_not_called_without_a_bound(
     assert "| no interval |" in next(line for line in bare if line.startswith("| MLS56 |"))
 
 
-def test_laws_of_the_joints_are_told_where_the_model_has_them(f):
-    sizes = Row(part="joint_2", stiffer_percent=16.5, backlash_urad=54.0, friction_urad=21.0)
-    page = reports.check(report(Row(f, laws=[sizes])), [])
-    assert "| joint_2 | 16.5 | 54 | 21 |" in page
-    assert "laws" not in report(f).tables
-
-
-def test_what_the_runs_do_not_show_and_what_would_help_are_tables(f):
-    unseen = Row(why="loads", parts="joint_1", directions=1, parameters="joint_1")
-    best = Row(place=1, measure="half the load", rank=7, expected_error_mm=0.25)
-    own = Row(help=[best], unseen=[unseen], expected_error_mm=0.5, expected_deflection_mm=3, equations=42)
-    page = reports.check(report(Row(f, identifiability=own)), [])
-    assert "| 1 | half the load | 7 | 0.250 |" in page
-    assert "| loads | joint_1 | 1 | joint_1 |" in page
+@pytest.mark.parametrize(
+    ("parts", "shown"),
+    [
+        (
+            {"laws": [Row(part="joint_2", stiffer_percent=16.5, backlash_urad=54.0, friction_urad=21.0)]},
+            ["| joint_2 | 16.5 | 54 | 21 |"],
+        ),
+        (
+            {
+                "identifiability": Row(
+                    help=[Row(place=1, measure="half the load", rank=7, expected_error_mm=0.25)],
+                    unseen=[Row(why="loads", parts="joint_1", directions=1, parameters="joint_1")],
+                    expected_error_mm=0.5,
+                    expected_deflection_mm=3,
+                    equations=42,
+                )
+            },
+            ["| 1 | half the load | 7 | 0.250 |", "| loads | joint_1 | 1 | joint_1 |"],
+        ),
+    ],
+    ids=["laws of joints", "what the runs do not show, and what would help"],
+)
+def test_tables_of_what_is_known_of_some_runs_are_there_for_these_alone(f, parts, shown):
+    page, plain = reports.check(report(Row(f, **parts)), []), report(f).whole()
+    assert all(row in page and row not in plain for row in shown)
 
 
 def test_what_was_not_asked_for_is_not_shown(f):

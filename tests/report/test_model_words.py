@@ -2,7 +2,6 @@
 
 import pytest
 
-from testbench.report.badge import decide
 from testbench.workflows.model_names import first_mention, in_words, row_words
 from testbench.workflows.models import DEFAULT, MODELS
 
@@ -44,13 +43,3 @@ def test_a_first_mention_has_the_name_of_the_tables_behind_its_words():
     assert (first_mention("Joints"), row_words("Joints")) == ("the joints-only model", "joints-only model")
     assert first_mention("MLS56, PSD of equal fit").endswith("made conservative (MLS56)")
     assert row_words("random poses") == "random poses"
-
-
-def test_a_verdict_has_words_where_its_report_keeps_names():
-    badge = decide((DEFAULT, [1.0] * 8), ("Joints", [2.0] * 8))
-    assert (badge.winner, badge.rival) == (DEFAULT, "Joints")
-    said = (
-        "the error of GCO of all links and joints with prior is 2.0x lower than that of the joints-only model"
-    )
-    assert said in badge.words
-    assert DEFAULT not in badge.words

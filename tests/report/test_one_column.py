@@ -8,9 +8,8 @@ import pytest
 from legible import check_legible
 from made_up_run import REPORT, made_up_run
 
-from testbench.report.colours import look
 from testbench.report.figure import for_column, forest, one_column, page, ranges, say, sweeps
-from testbench.report.run_figure import error_map, overview
+from testbench.report.run_figure import overview
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.spread import spread
@@ -78,31 +77,6 @@ def test_a_column_has_the_first_panes_that_fit_or_those_that_are_marked():
     assert [axes.get_title() for axes in stacked(figure)] == ["pane 1", "pane 3"]
 
 
-def test_a_pane_that_is_too_tall_alone_stays_and_all_of_its_rows_are_named():
-    many = [Row(row, name=f"{row.name} {k}") for k in range(14) for row in rows()]
-    table = Table((NAME, ERROR), many, looks={row.name: look("MGCO56", "psd") for row in many})
-    figure = forest(table, {"error": "Errors"}, "One wins", "Words.")
-    figure.draw_without_rendering()
-    [axes] = [axes for axes in one_column(figure).axes if axes.axison]
-    assert len([own for own in labels(axes) if own]) == len(many)
-
-
-def test_a_key_of_several_columns_has_one_where_names_are_long_each_beside_its_own_line():
-    swept = Table((NAME, SIZE, ERROR), [row for k in (1.0, 10.0, 100.0) for row in rows(size=k)])
-    figure = sweeps({"Left": swept, "Right": swept}, "One wins", "Words.")
-    own = {line.get_label(): line.get_color() for line in figure.axes[0].get_lines()}
-    [key] = [key for part in (figure, *figure.subfigs) for key in part.legends]
-    stacked(figure)
-    narrow = one_column(figure)
-    narrow.draw_without_rendering()
-    [narrowed] = [key for part in (narrow, *narrow.subfigs) for key in part.legends]
-    for found in (key, narrowed):
-        handles = zip(found.get_texts(), found.legend_handles, strict=True)
-        assert {text.get_text(): handle.get_color() for text, handle in handles} == own
-    boxes = [text.get_window_extent() for text in narrowed.get_texts()]
-    assert all(above.y0 > below.y1 - 2 for above, below in pairwise(boxes))
-
-
 def test_lines_keep_their_key_and_panes_that_share_an_axis_get_their_own_names():
     swept = Table((NAME, SIZE, ERROR), [row for k in (1.0, 10.0, 100.0) for row in rows(size=k)])
     panes = stacked(sweeps({"Left": swept, "Right": swept}, "One wins", "Words."))
@@ -124,20 +98,3 @@ def test_labels_of_runs_are_left_out_until_none_touch_and_the_key_is_below(arm_6
     shown = [text.get_text() for text in runs.get_xticklabels()]
     assert 5 <= sum(map(bool, shown)) < len(shown)
     assert runs.get_legend().get_window_extent().y1 < runs.get_window_extent().y0
-
-
-def test_maps_stand_below_each_other_with_their_bar(arm_6r):
-    seen = made_up_run(arm_6r)
-    [side] = stacked(error_map(seen.map, "Under load"))  # both do not fit, and half a map says where it errs
-    assert side.get_xlabel() == "x [m]"
-    assert seen.map.lines[-1].name in side.get_title()
-
-
-def test_a_long_title_of_a_pane_is_broken_and_a_pane_that_is_not_drawn_takes_no_room():
-    figure = page(2.0)
-    left, right = figure.subplots(1, 2)
-    left.set_title("word " * 20)
-    right.set_visible(False)
-    say(figure, "Title", "Words.")
-    [axes] = stacked(figure)
-    assert "\n" in axes.get_title()

@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 from legible import check_legible
 from made_up_run import REPORT, made_up_run
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from PIL import Image
 from reports import check_forest
 
 from testbench.plant.shapes import hull_points, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import SCALE, hexadecimal, look
-from testbench.report.figure import SOFT, _lay_out, forest, headed, labelled, log_ticks, page, say, sweeps
+from testbench.report.figure import SOFT, forest, log_ticks, page, say, sweeps
 from testbench.report.run_figure import headline, outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
@@ -34,28 +32,6 @@ def seen(arm_6r):
 @pytest.fixture(scope="module")
 def figure(seen):
     return overview(REPORT, seen)
-
-
-def test_the_layout_measures_models_once_and_places_all_as_if_all_were_measured_again(seen, monkeypatch):
-    table, whole = Table(COLUMNS, MODELS), Axes.get_tightbbox
-    for draw, times in (
-        (lambda: forest(table, {"error": "all"}, "Who wins", ""), 1),
-        (lambda: overview(REPORT, seen), 2),
-    ):
-        own, other, measured = draw(), draw(), []
-
-        def counted(axes, *args, measured=measured, **named):
-            measured.append(axes)
-            return whole(axes, *args, **named)
-
-        other.get_layout_engine().execute(other)
-        with monkeypatch.context() as patched:
-            patched.setattr(Axes, "get_tightbbox", counted)
-            _lay_out(own)
-        assert measured.count(own.axes[0]) == times
-        assert measured.count(own.axes[-1]) == 1  # a row of models, or a chart with few ticks
-        for a, b in zip(own.axes, other.axes, strict=True):
-            np.testing.assert_allclose(a.get_position().bounds, b.get_position().bounds, atol=2e-3)
 
 
 @pytest.mark.parametrize(("pane", "plane"), [(0, [0, 2]), (1, [0, 1])])
@@ -102,8 +78,11 @@ def test_a_weight_hangs_below_its_hook_in_both_views(seen):
     own = seen.scene.groups[0]
     hook = np.random.default_rng(2).uniform(0.5, 1.5, (len(own.names), 3))
     [weight] = loads(hook, np.tile([0, 0, -4512.6], (len(hook), 1)), 3.0)
-    group = replace(own, layers=[weight])
-    figure = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[group])))
+    figure = overview(
+        REPORT, replace(seen, scene=replace(seen.scene, groups=[replace(own, layers=[weight])]))
+    )
+    figure.draw_without_rendering()
+    check_legible(figure)
     r, at = weight.radius, weight.to[own.first, 0]
     for axes, plane in zip(figure.axes, ([0, 2], [0, 1]), strict=False):
         [drawn] = [many for many in axes.collections if isinstance(many, PatchCollection)]
@@ -112,16 +91,8 @@ def test_a_weight_hangs_below_its_hook_in_both_views(seen):
         below = 2 * r if plane[1] == 2 else r
         np.testing.assert_allclose(ends[0], at[plane] - [r, below])
         np.testing.assert_allclose(ends[1], at[plane] + [r, 2 * r - below])
-    figure.draw_without_rendering()
-    side, above = figure.axes[:2]
-    assert not above.texts  # there the arm is in the way
-    [words] = side.texts
-    [drawn] = [many for many in side.collections if isinstance(many, PatchCollection)]
-    corners = side.transData.transform(drawn.get_paths()[0].vertices)
-    (left, low), (right, _), box = corners.min(axis=0), corners.max(axis=0), words.get_window_extent()
+    [words] = figure.axes[0].texts
     assert words.get_text() == weight.labels[0] == "460 kg"
-    assert left < (box.x0 + box.x1) / 2 < right
-    assert side.bbox.y0 < box.y0 < box.y1 <= low + 1
 
 
 def test_the_arm_fills_its_pane_in_equal_scales_and_two_panes_fill_the_width(figure):
@@ -134,20 +105,6 @@ def test_the_arm_fills_its_pane_in_equal_scales_and_two_panes_fill_the_width(fig
         shown = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)
         assert max(size / shown) > 0.75
         assert shown / [axes.bbox.width, axes.bbox.height] == pytest.approx(shown[0] / axes.bbox.width)
-
-
-@pytest.mark.parametrize(
-    ("names", "level"), [([f"{k}" for k in range(1, 22)], True), (["cut 12"] * 16, False)]
-)
-def test_names_of_runs_are_level_where_they_have_room(seen, names, level):
-    k = np.arange(len(names))
-    chart = replace(
-        seen.runs[0], labels=names, lines=[replace(seen.runs[0].lines[0], values=0.1 * k, ends=None)]
-    )
-    figure = overview(REPORT, replace(seen, scene=None, tables=[], runs=(chart,)))
-    figure.draw_without_rendering()
-    check_legible(figure)
-    assert {text.get_rotation() for text in figure.axes[0].get_xticklabels()} == {0.0 if level else 45.0}
 
 
 def test_panes_of_one_quantity_have_one_scale_and_others_their_own():
@@ -175,22 +132,6 @@ def test_sweeps_of_one_quantity_have_one_upright_scale_and_others_their_own():
     ).axes
     assert first.get_ylim() == second.get_ylim() != third.get_ylim()
     assert first.get_ylim()[0] <= 0.3 < 50.0 <= first.get_ylim()[1]
-
-
-@pytest.mark.parametrize(
-    "own", [("MLS56", "MLS56", "none"), ("Joints", "Joints", "none"), ("MGCO56", "MGCO56", "psd")]
-)
-def test_bands_are_seen_in_the_few_colours_of_a_file(own, pixels, tmp_path):
-    wide = spread(np.geomspace(0.1, 10.0, 21))  # the line is at 1, its band far around it
-    rows = [model(*own, wide, n=k) for k in (1, 2)]
-    figure = sweeps({"": Table((COLUMNS[0], COLUMNS[2], COLUMNS[1]), rows)}, "One wins", "")
-    with pixels():
-        figures.save(figure, tmp_path / "one.png")
-    [axes] = figure.axes
-    x, y = axes.transData.transform((1.5, 3.0)).round().astype(int)
-    with Image.open(tmp_path / "one.png") as picture:
-        whole = picture.convert("RGB")
-        assert whole.getpixel((int(x), whole.height - int(y))) != whole.getpixel((0, 0))
 
 
 def test_figures_write_micrometres_and_powers_and_titles_end_without_a_stop():
@@ -241,27 +182,29 @@ def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(
     first = seen.scene.groups[0]
     path = np.linspace([1.0, 0, 1], [1.2, 0.5, 1], 5)[None]
     sizes = {"before": np.array([4.0, 3, 2, np.nan]), "after": np.array([1.0, 1, 1, 1])}
-    tubes = [
-        replace(
-            first.layers[2], name=name, kind="tubes", at=path[:, :-1], to=path[:, 1:], labels=(), values=mm
-        )
-        for name, mm in sizes.items()
-    ]
-    spot = replace(first.layers[0], name="largest error", at=path[:, :1], labels=["at most 4.000 mm"])
-    insets = [
-        replace(first, name=tube.name, layers=[tube, spot], near=path[0], bent=None, ordered=True)
-        for tube in tubes
-    ]
-    far = replace(spot, name="far", colour=SCALE[0], at=path[:, :1] - [0, 0.3, 0], labels=())
-    insets[1] = replace(insets[1], layers=[*insets[1].layers, far])
-    whole = replace(first, layers=tubes, ordered=True)
-    found = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[whole, *insets])))
-    arm, *panes, bar = found.axes[:4]
-    assert (arm.get_xlabel(), arm.get_ylabel()) == ("x [m]", "z [m]")
-    low, high = bar.get_ylim()
-    assert (low, high, bar.get_ylabel()) == (1.0, 4.0, "error of the path [mm]")
+
+    def drawn(change):
+        tubes = [
+            replace(
+                first.layers[2], name=name, kind="tubes", at=path[:, :-1], to=path[:, 1:], labels=(),
+                values=change(mm),
+            )
+            for name, mm in sizes.items()
+        ]  # fmt: skip
+        insets = [
+            replace(first, name=tube.name, layers=[tube], near=path[0], bent=None, ordered=True)
+            for tube in tubes
+        ]
+        whole = replace(first, layers=tubes, ordered=True)
+        found = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[whole, *insets])))
+        found.draw_without_rendering()
+        return found, tubes
+
+    found, tubes = drawn(lambda mm: mm)
+    _, *panes, bar = found.axes[:4]
+    assert (*bar.get_ylim(), bar.get_ylabel()) == (1.0, 4.0, "error of the path [mm]")
     for axes, tube in zip(panes, tubes, strict=True):
-        assert axes.get_title() == f"{tube.name}\nat most 4.000 mm"
+        assert axes.get_title().startswith(tube.name)
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")  # from above: it is flat
         [lines] = [own for own in axes.collections if isinstance(own, LineCollection)]
         np.testing.assert_allclose(lines.get_segments(), np.stack([path[0, :-1], path[0, 1:]], 1)[:, :, :2])
@@ -271,38 +214,12 @@ def test_a_path_is_drawn_from_near_before_and_after_in_the_colours_of_its_error(
         assert known
         assert all(shade == ends[mm] for mm, shade in known)
         assert (shades[-1] == SOFT) == np.isnan(tube.values[-1])
-    found.draw_without_rendering()
     before, after = panes
     assert before.get_ylim() == pytest.approx(after.get_ylim())  # both paths in one scale
     assert before.get_xlim() == pytest.approx(after.get_xlim())
-    keys = [
-        text.get_text() for own in found.axes if own.get_legend() for text in own.get_legend().get_texts()
-    ]
-    assert "largest error" in keys
-    assert not set(sizes) & set(keys)  # a path has no colour of its own
-    wide = [replace(tube, values=0.02 * tube.values**4) for tube in tubes]  # on a logarithmic scale
-    insets = [replace(inset, layers=[tube, spot]) for inset, tube in zip(insets, wide, strict=True)]
-    whole = replace(whole, layers=wide)
-    found = overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[whole, *insets])))
-    found.draw_without_rendering()
-    bar = found.axes[3]
-    assert bar.get_ylabel() == "error of the path [mm, logarithmic]"
-    assert {"0.1", "1"} <= {text.get_text() for text in bar.get_yticklabels()}
+    found, _ = drawn(lambda mm: 0.02 * mm**4)
+    assert found.axes[3].get_ylabel() == "error of the path [mm, logarithmic]"
     check_legible(found)
-
-
-@pytest.mark.parametrize(("unit", "shown"), [("um", "µm"), ("urad/(N m)", "µrad/(N m)"), ("mm", "mm")])
-def test_axes_write_micrometres_as_they_are_written(unit, shown):
-    assert labelled(TableColumn("a", "sum of rms", unit)) == f"sum of rms [{shown}]"
-
-
-def test_the_bent_arm_is_in_the_key_where_one_is_drawn(figure, seen):
-    def keys(drawn):
-        return [text.get_text() for text in drawn.axes[2].get_legend().get_texts()]
-
-    assert keys(figure)[-1] == "arm, bent"
-    own = replace(seen.scene.groups[0], bent=None)
-    assert "arm, bent" not in keys(overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[own]))))
 
 
 def model(name, structure, constraint, error, *, prior=False, n=3):
@@ -379,22 +296,6 @@ def number_of(text):
     return float(size.rstrip("·") or 1) * 10.0 ** int(raised or 0)
 
 
-def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next():
-    figure = Figure()
-    axes = figure.subplots()
-    lines = {name: axes.plot([1, 2], label=name)[0] for name in ("MLS56", "Joints", "MGCO56")}
-    headed(figure, "Holds: so it is.", "MLS56")
-    for key in ("linewidth", "markersize", "zorder"):
-        ours, joints, other = (getattr(line, f"get_{key}")() for line in lines.values())
-        assert ours > joints >= other
-    assert lines["Joints"].get_linewidth() > lines["MGCO56"].get_linewidth()
-    assert figure.get_suptitle().startswith("Holds: so it is")
-    tick = axes.xaxis.get_major_ticks()[0].tick1line  # bears no name, and so is no winner of a tie
-    before = tick.get_markersize()
-    headed(figure, "")
-    assert tick.get_markersize() == before
-
-
 def test_a_table_with_several_rows_per_model_is_not_drawn():
     several = Table(COLUMNS, [*MODELS, model("MLS56", "MLS56", "none", 7.0)], headline="error")
     whole = Table(COLUMNS, MODELS, headline="error")
@@ -413,12 +314,6 @@ def test_rows_that_each_add_to_the_one_before_keep_their_order(seen):
         [axes] = overview(REPORT, replace(seen, scene=None, runs=(), tables=[table])).axes
         heads = [text.get_text().split("  ")[0] for text in axes.get_yticklabels()]
         assert heads == [rows[k].name for k in order]
-
-
-def test_a_line_alone_has_no_key_and_two_have_one(figure, seen):
-    assert [text.get_text() for text in figure.axes[-1].get_legend().get_texts()] == ["other", "one"]
-    alone = replace(seen.runs[0], lines=seen.runs[0].lines[:1])
-    assert overview(REPORT, replace(seen, runs=(alone,))).axes[-1].get_legend() is None
 
 
 def test_a_dashed_line_is_at_what_noise_alone_stays_below(seen):
@@ -445,24 +340,13 @@ def test_for_print_there_are_svgs_beside_the_png_of_two_widths_on_light_and_on_d
         f"{name}{end}" for name in ("one", "two") for end in (".png", *ENDS)
     }
     for end in ENDS:  # the same figure, the same file
-        assert (tmp_path / f"one{end}").read_text() == (tmp_path / f"two{end}").read_text()
-        [width] = re.findall(r'<svg [^>]*width="([\d.]+)pt"', (tmp_path / f"one{end}").read_text())
+        text = (tmp_path / f"one{end}").read_text()
+        assert text == (tmp_path / f"two{end}").read_text()
+        [width] = re.findall(r'<svg [^>]*width="([\d.]+)pt"', text)
         assert float(width) * 25.4 / 72 == pytest.approx(89 if "89" in end else 183)
-    light, dark = ((tmp_path / f"one{end}.svg").read_text() for end in ("", "_dark"))
-    assert {"#ffffff", "#000000", "#c88304"} <= set(re.findall("#[0-9a-f]{6}", light))
-    assert set(re.findall("#[0-9a-f]{6}", dark)) & {"#ffffff", "#000000"} == set()
-    assert "#c88304" in dark
-    assert "fill" not in re.search("<svg [^>]*>", light)[0]  # letters without a fill of their own are black
-    assert 'fill="#ebebeb"' in re.search("<svg [^>]*>", dark)[0]
-    for text, ground in ((light, 255), (dark, 18)):
-        first = re.search("fill: #([0-9a-f]{2})", text)
-        assert int(first[1], 16) == ground
-
-
-def test_without_models_there_is_no_forest(seen):
-    rows = [MODELS[0], MODELS[3]]
-    figure = overview(REPORT, replace(seen, scene=None, tables=[Table(COLUMNS, rows)]))
-    assert [axes.get_title() for axes in figure.axes] == ["Left (mm)"]
+        used = set(re.findall("#[0-9a-f]{6}", text))
+        assert "#c88304" in used
+        assert used.isdisjoint({"#ffffff", "#000000"}) == ("dark" in end)
 
 
 def test_a_scale_is_logarithmic_where_one_model_errs_far_more_and_says_so():

@@ -11,8 +11,6 @@ import write_paper
 from blocks import FROM, PLAIN, expected, fill
 from run_here import app_of, here, numbers_alone
 from stamps import digest, read_stamp
-from words import SHARE, long_sentences, sentences
-from words import pages as all_pages
 
 from testbench import __version__
 from testbench.errors import InputError
@@ -107,20 +105,6 @@ def test_page_tables_and_picture_of_a_study_are_of_one_run(runs, tmp_path, monke
     found = read_stamp(tmp_path / f"{STUDY.name}.png")
     assert found.numbers == digest(tmp_path / STUDY.name)
     assert f"    {found.command}\n" in (tmp_path / f"{STUDY.name}.md").read_text()
-
-
-def test_words_counts_sentences_of_prose_alone():
-    code = "    code. code.\n\n```sh\nx. y.\n```\n"
-    text = (
-        f"# Title\n\nOne two. Three [four](five.md)!\n\n- six\n- seven\n\n| a. b |\n\n$$\na. b.\n$$\n\n{code}"
-    )
-    assert sentences(text) == ["One two.", "Three four!", "- six", "seven"]
-
-
-def test_few_sentences_of_the_docs_are_long():
-    counted = [long_sentences(page) for page in all_pages()]
-    assert len(counted) > 60
-    assert sum(len(beyond) for beyond, _ in counted) <= SHARE * sum(every for _, every in counted)
 
 
 def test_readme_expects_what_the_tables_of_the_studies_hold():
