@@ -221,7 +221,7 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
                 if pull
                 else "No force at the load point can load these joints."
             ),
-            vars(u),
+            u,
             pull=pull,
             turned=u.turned_by_pull,
         )
@@ -234,7 +234,7 @@ def _of_tasks(f: Row) -> Iterator[Markdown]:
         by = f" {capital(law.by)} in each pose would determine it for {listed(law.told)}." if law.by else ""
         yield say(
             "**{kind} is not determined** for {joints:list}.{by}",
-            vars(law) | {"kind": law.kind.capitalize(), "by": by},
+            law | {"kind": law.kind.capitalize(), "by": by},
         )
     if f.joints_alone_mm <= f.error_mm.expected:
         yield Markdown("**The expected error of Joints-only is no larger here.**")

@@ -62,7 +62,7 @@ from testbench.model.vjm import Vjm, marker_positions, tool_points
 from testbench.plant.rigid_cell import build_rigid_cell, collision_free
 from testbench.plant.tracker import DistanceMeter, PlaneProbe, Station
 from testbench.progress import stepwise
-from testbench.runs.rows import trial_rng
+from testbench.runs.rows import Row, trial_rng
 from testbench.workflows.absolute import FREE_DEVIATION, FURTHER, Calibrated, unobservable
 from testbench.workflows.cell import Cell
 from testbench.workflows.instruments import Mounted, blocks_of, check_markers, distances_of, names_of, touch
@@ -586,27 +586,20 @@ def undetermined_by(union: AbsoluteSetup, q: Array) -> tuple[str, ...]:
     return unobservable(union.unknowns, tells, prior, further)
 
 
-@dataclass(frozen=True)
-class ScaleForecast:
-    """Hold how well the scale of an arm is known: by how much all distances are wrong in proportion."""
-
-    before: float  #: Standard deviation by the prior of the geometry alone [m/m].
-    after: float  #: Standard deviation after the plan [m/m].
-    error: float  #: RMS error of positions over the workspace by the scale alone, after the plan [m].
-
-
-def scale_forecast(made: AbsolutePlanned) -> ScaleForecast:
-    """Forecast the scale of an arm after a plan.
+def scale_forecast(made: AbsolutePlanned) -> Row:
+    """Forecast how well the scale of an arm is known: by how much all distances are wrong in proportion.
 
     Args:
         made: The plan.
 
     Returns:
-        Its standard deviations.
+        Standard deviations by the prior of the geometry alone, `before_mm_per_m`, and after the plan,
+        `after_mm_per_m`; RMS error of positions over the workspace by the scale alone after it, `error_mm`.
     """
     problem = made.plan.candidates.problem
     h, far = absolute.position_scale_jacobian(made.union, made.wanted, made.q)
     known = h @ problem.lift @ np.linalg.solve(made.plan.information, problem.lift.T @ h)
     after = math.sqrt(known + float(h @ problem.remaining_covariance @ h))
     geometry = h[made.union.unknowns.columns("geometry")]
-    return ScaleForecast(float(np.linalg.norm(geometry)), after, after * far)
+    before = float(np.linalg.norm(geometry))
+    return Row(before_mm_per_m=MM * before, after_mm_per_m=MM * after, error_mm=MM * (after * far))

@@ -1,9 +1,8 @@
 """Numbers of a plan: its promise, its certificate, plans beside it, ranges that it reads first; plan.csv."""
 
 import csv
-import io
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +25,7 @@ from testbench.design.planning import (
     prediction_error_function,
     prior_influence,
 )
-from testbench.design.rows import deflection_rows, select_loads, task_rows
+from testbench.design.rows import PlanSpecification, deflection_rows, select_loads, task_rows
 from testbench.errors import Array, Ids
 from testbench.identify.prior import Prior, cad_prior
 from testbench.model.structure import all153
@@ -37,7 +36,6 @@ from testbench.workflows.error_places import ErrorMeaning, error_places, places_
 from testbench.workflows.plan import AbsolutePlanned, Planned, scale_forecast, undetermined_by
 from testbench.workflows.plan_settings import pull_words
 from testbench.workflows.predicted_error import (
-    Expected,
     error_map,
     forecast_summary,
     half_widths,
@@ -187,7 +185,11 @@ def _pairs(made: Planned) -> Row:
         joints_alone_mm=MM
         * float(np.sqrt(np.square(fit_error(alone, spec.tasks.q, spec.tasks.load)).mean())),
         workspace_error_mm=forecast_summary(around) if math.isfinite(around.overall_rms_error) else None,
-        error_if_prior_twice_as_uncertain_mm=_doubted(made, plan),
+        error_if_prior_twice_as_uncertain_mm=None
+        if spec.prior_uncertainty is None
+        else forecast_summary(
+            _at_tasks(replace(spec, prior_uncertainty=2 * spec.prior_uncertainty), plan, prior)
+        ),
         random_plans=Row(
             plans=N_RANDOM_PLANS,
             planned_mm=MM * forecast_errors(plan, rows).overall_rms_error,
@@ -195,7 +197,9 @@ def _pairs(made: Planned) -> Row:
             best_tenth_mm=_percentile(chance, 10),
         ),
         plan=_runs(made, plan),
-        tracker_mm=_by_tracker(plan, prior),
+        tracker_mm=None
+        if plan.gauges is None
+        else finite(MM * _at_tasks(spec, replace(plan, gauges=None), prior).overall_rms_error),
         tasks=_tasks(made, plan, rms(rows @ scaling.expected_x)),
         observability=observability(plan.candidates.problem, plan.chosen_indices),
         directions=_directions(plan, influence),
@@ -216,23 +220,10 @@ def _pairs(made: Planned) -> Row:
     )
 
 
-def _by_tracker(plan: Plan, prior: Prior) -> float | None:
-    """Forecast the RMS error at the tasks by a tracker in the poses of gauges [mm]; None without gauges."""
-    if plan.gauges is None:
-        return None
-    spec = plan.specification
-    fit = linear_fit_after(spec, prior, replace(plan, gauges=None).whitened_rows)
-    return finite(MM * forecast_fit(fit, spec.tasks.q, spec.tasks.load).overall_rms_error)
-
-
-def _doubted(made: Planned, plan: Plan) -> Expected | None:
-    """The error at the tasks were the prior twice as uncertain; None without one."""
-    spec = plan.specification
-    if spec.prior_uncertainty is None:
-        return None
-    doubted = replace(spec, prior_uncertainty=2 * spec.prior_uncertainty)
-    fit = linear_fit_after(doubted, cad_prior(made.cell.arm), plan.whitened_rows)
-    return forecast_summary(inflate_intervals(forecast_fit(fit, spec.tasks.q, spec.tasks.load)))
+def _at_tasks(spec: PlanSpecification, plan: Plan, prior: Prior) -> Forecast:
+    """Forecast errors at the tasks where the plan's poses are read or fitted in another way."""
+    fit = linear_fit_after(spec, prior, plan.whitened_rows)
+    return inflate_intervals(forecast_fit(fit, spec.tasks.q, spec.tasks.load))
 
 
 def _poses(arm: Arm, made: tuple[Array, Array], forecast: Forecast, moved: tuple[str, Array]) -> list[Row]:
@@ -266,13 +257,10 @@ def _measured(made: Planned, moved: tuple[str, Array]) -> list[Row]:
     turned, slid = (steps[:, own].max(axis=1, initial=0.0) for own in (~slides, slides))
     ways = ["start", *("clear" if clear else "via" for clear in made.plan.clear_paths)]
     tools = evaluate_chain(made.cell.vjm, q).tool_position
-    gauges = gauge_words(made)
-    faces = face_words(made)
+    placed = _placed(made)
     return [
         Row(
-            row
-            | ({} if gauges is None else {"gauges": gauges[k]})
-            | ({} if faces is None else {"face": faces[k]}),
+            row | {key: words[k] for key, words in placed.items()},
             run=k + 1,
             q=arm.to_file_joints(q[k]).tolist(),
             travel_deg=float(np.rad2deg(turned[k])),
@@ -373,7 +361,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
         prediction_error_function(problem, made.wanted),
     )
     middle, low, _ = _random(made, error, asked, rng)
-    scale = _scale(made) if union.readings_by_kind else None
+    scale = scale_forecast(made) if union.readings_by_kind else None
     counts = sorted({asked, *(count for count in COUNTS if count <= max(2 * asked, COUNTS[1]))})
     order = greedy_plan(problem, criterion, problem.rows, counts[-1])
     workspace_poses = places_at(arm, q, tool_poses(made.cell.vjm, q)[0], absolute.sag(union, q))
@@ -394,12 +382,6 @@ def _absolute(made: AbsolutePlanned) -> Row:
         curve=[_count(k, MM * error(order[:k]), _random(made, error, k, rng)) for k in counts],
         map=error_places(workspace_poses, {CALIBRATED: MM * made.forecast.rms_error}, means=POSITION),
     )
-
-
-def _scale(made: AbsolutePlanned) -> Row:
-    """How well the scale of the arm is known, and the error that it causes."""
-    known = scale_forecast(made)
-    return Row(before_mm_per_m=MM * known.before, after_mm_per_m=MM * known.after, error_mm=MM * known.error)
 
 
 def _hidden(made: AbsolutePlanned, scale: Row | None) -> list[str]:
@@ -472,30 +454,59 @@ def _bin(joint: ArmJoint, own: Array) -> Ids:
     return np.asarray(np.clip(at, 0, BINS - 1))
 
 
+def _placed(made: Planned) -> dict[str, list[str]]:
+    """Name what each pose is read with: gauges, such as "P1:z P2:x", or the face that it touches."""
+    if isinstance(made.plan, Plan) and made.plan.gauges is not None:
+        markers, gauges = made.cell.arm.markers, made.plan.gauges
+        pairs = zip(gauges.marker.tolist(), gauges.axis.tolist(), strict=True)
+        return {
+            "gauges": [
+                " ".join(f"{markers[m]}:{'xyz'[a]}" for m, a in zip(*own, strict=True)) for own in pairs
+            ]
+        }
+    kinds = made.union.readings_by_kind if isinstance(made, AbsolutePlanned) else ()
+    if kinds and kinds[0][0].plane_normal is not None:
+        return {"face": [kinds[k][0].name for k in made.plan.load_index]}
+    return {}
+
+
 def write_poses(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
-    """Write plan.csv, with joints in rad and m to the last digit.
+    """Write plan.csv, a row for each run in the order of measuring.
+
+    run: integer. JOINT_rad, JOINT_deg: joint angle, in rad to the last digit, and in degrees; of a slide
+    JOINT_m, JOINT_mm. load_kg: hung mass. force_*_N, of a plan that may pull: force at the load point, world
+    axes; a run has either, the other is blank.
+    expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
+    identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
+    run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
+    straight, "via" where that way collides. gauges, of a plan with gauges: marker and world axis of each.
+
+    Of absolute readings load_kg is of one mass that hangs after the first reading of every pose, if there is
+    one; expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of
+    their positions after calibration. face, of a plan with planes: name of the one that the pose touches.
 
     Args:
         f: Numbers of the plan.
         joints: Joints of the arm.
         path: Path of the file.
     """
-    masses, pulls = f.loads_kg, bool(f.pulls_n)
-    head = plan_columns(joints, pulls=pulls, gauges=bool(f.get("gauges")))
-    if f.absolute:
-        faces = any("face" in row for row in f.plan)
-        head = absolute_columns(joints, loaded=len(masses) == 1, faces=faces)
+    moved = "sag" if f.absolute else "deflection"
+    head = ["run", *(j.file_column for j in joints), *(j.display_column for j in joints)]
+    head += ["load_kg"] * (not f.absolute or len(f.loads_kg) == 1)
+    head += [f"force_{axis}_N" for axis in "xyz" if f.pulls_n]
+    head += [f"expected_{what}_mm" for what in (moved, "error", "error_p05", "error_p95")]
+    head += ["travel_deg", *["travel_mm"] * any(j.prismatic for j in joints), "way"]
+    head += [key for key in ("gauges", "face") if key in f.plan[0]]
     rows = []
     for row in f.plan:
         force = row.get("pull_N")
-        mass = "" if force else repr(row.get("load_kg", masses[0] if masses else 0.0))
-        cells = {"run": row.run, "load_kg": mass, "way": row.way, "gauges": row.get("gauges", "")}
-        cells |= {"face": row.get("face", "")}
+        mass = "" if force else repr(row.get("load_kg", f.loads_kg[0] if f.loads_kg else 0.0))
+        cells = {**row, "load_kg": mass}
         cells |= zip((f"force_{axis}_N" for axis in "xyz"), map(repr, force or []), strict=False)
         cells |= {key: f"{row[key]:.2f}" for key in ("travel_deg", "travel_mm")}
         cells |= _cells(row, joints)
         cells |= {joint.file_column: repr(x) for joint, x in zip(joints, row.q, strict=True)}
-        rows.append([cells.get(name, "") for name in head])
+        rows.append(cells)
     _write_table(head, rows, path)
 
 
@@ -507,8 +518,8 @@ def write_tasks(f: Row, joints: Sequence[ArmJoint], path: Path) -> None:
         joints: Joints of the arm.
         path: Path of the file.
     """
-    every = [{"task": f"{row.task}", **_cells(row, joints)} for row in f.tasks]
-    _write_table(list(every[0]), [list(cells.values()) for cells in every], path)
+    rows = [{"task": row.task, **_cells(row, joints)} for row in f.tasks]
+    _write_table(list(rows[0]), rows, path)
 
 
 def _cells(row: Row, joints: Sequence[ArmJoint]) -> dict[str, str]:
@@ -517,80 +528,8 @@ def _cells(row: Row, joints: Sequence[ArmJoint]) -> dict[str, str]:
     return shown | {key: f"{x:.4f}" for key, x in row.items() if key.startswith("expected_")}
 
 
-def _write_table(head: Sequence[str], rows: Sequence[Sequence[object]], path: Path) -> None:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([head, *rows])
-    path.write_text(text.getvalue(), encoding="utf-8")
-
-
-def gauge_words(made: Planned) -> list[str] | None:
-    """Write the gauges of every pose, such as "P1:z P2:x"; None without gauges."""
-    gauges = made.plan.gauges if isinstance(made.plan, Plan) else None
-    if gauges is None:
-        return None
-    markers = made.cell.arm.markers
-    pairs = zip(gauges.marker.tolist(), gauges.axis.tolist(), strict=True)
-    return [" ".join(f"{markers[m]}:{'xyz'[a]}" for m, a in zip(*own, strict=True)) for own in pairs]
-
-
-def plan_columns(joints: Sequence[ArmJoint], *, pulls: bool = False, gauges: bool = False) -> list[str]:
-    """List the columns of a plan, in order; a row is a run, in the order of measuring.
-
-    run: integer. JOINT_rad, JOINT_deg: joint angle, twice; of a slide JOINT_m, JOINT_mm. load_kg: hung mass.
-    force_*_N, of a plan that may pull: force at the load point, world axes; a run has either, the other is
-    blank.
-    expected_deflection_mm: RMS over the markers, by the prior. expected_error_*_mm: of predicting it after
-    identification, with the 5th and 95th percentile. travel_deg: of the hinge that turns farthest from the
-    run before; travel_mm: of the slide, where the arm has one. way: "start", "clear" where all joints can go
-    straight, "via" where that way collides. gauges, of a plan with gauges: marker and world axis of each.
-
-    Args:
-        joints: Joints of the arm.
-        pulls: Whether the plan may pull.
-        gauges: Whether it places gauges.
-
-    Returns:
-        Names of the columns.
-    """
-    names = ["run", *(j.file_column for j in joints), *(j.display_column for j in joints), "load_kg"]
-    names += [f"force_{axis}_N" for axis in "xyz" if pulls]
-    names += [f"expected_{what}_mm" for what in ("deflection", "error", "error_p05", "error_p95")]
-    return [
-        *names,
-        "travel_deg",
-        *["travel_mm"] * any(j.prismatic for j in joints),
-        "way",
-        *["gauges"] * gauges,
-    ]
-
-
-def face_words(made: Planned) -> list[str] | None:
-    """Write the plane that is touched in every pose, such as "plane 2"; None without planes."""
-    kinds = made.union.readings_by_kind if isinstance(made, AbsolutePlanned) else ()
-    if not kinds or kinds[0][0].plane_normal is None:
-        return None
-    return [kinds[k][0].name for k in made.plan.load_index]
-
-
-def absolute_columns(joints: Sequence[ArmJoint], *, loaded: bool, faces: bool = False) -> list[str]:
-    """List the columns of a plan of absolute readings, in order.
-
-    As `plan_columns`, but for load_kg, where one mass hangs after the first reading of every pose;
-    expected_sag_mm: RMS over the targets, by the prior, under all that hangs; expected_error_*_mm: of their
-    positions after calibration. face, of a plan with planes: name of the one that the pose touches.
-
-    Args:
-        joints: Joints of the arm.
-        loaded: Whether a mass hangs in some readings.
-        faces: Whether poses touch planes.
-
-    Returns:
-        Names of the columns.
-    """
-    names = plan_columns(joints)
-    kept = [
-        "expected_sag_mm" if name == "expected_deflection_mm" else name
-        for name in names
-        if name != "load_kg" or loaded
-    ]
-    return [*kept, *["face"] * faces]
+def _write_table(head: Sequence[str], rows: Sequence[Mapping[str, object]], path: Path) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, head, restval="", extrasaction="ignore", lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from numbers import Real
 from pathlib import Path
 from typing import Annotated
@@ -344,24 +344,18 @@ def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) ->
         )
     percent = 30.0 if options.uncertainty_percent is None else options.uncertainty_percent
     with in_flags(FLAGS):
-        own = {key: value for key, value in vars(flags).items() if key != "instrument"}
+        names = {field.name for field in fields(PlanSettings)}
+        flagged = {name: value for name, value in (vars(options) | vars(flags)).items() if name in names}
+        derived = chosen | {"given": tuple(path.name for path in flags.given or ())}
+        derived |= {"model": model, "uncertainty_percent": None if options.no_prior else percent}
         settings = PlanSettings(
-            **{**own, "given": tuple(path.name for path in flags.given or ()), **chosen},
+            **flagged | derived,
             instruments=tuple(flags.instrument or ()),
-            model=model,
             loads_kg=tuple(loads),
             pulls_n=tuple(parse_point(text, "--pull fx,fy,fz [N]") for text in options.pull or []),
-            sigma_um=options.sigma_um,
-            uncertainty_percent=None if options.no_prior else percent,
             tracker_m=None if options.tracker is None else parse_point(options.tracker),
-            acceptance_deg=options.acceptance_deg,
             box_m=None if options.box is None else parse_work_area(options.box),
-            sling_m=options.sling_m,
             floor_z_m=options.floor_z,
-            gauges=options.gauges,
-            gauge_um=options.gauge_um,
-            tilt_deg=options.tilt_deg,
-            seed=options.seed,
         )
     if loads:
         with of_flag("--sling-m"):

@@ -21,6 +21,7 @@ from testbench.model.laws import add_joint_laws, add_law_parameters, set_load_hi
 from testbench.model.load import Load, sum_generalised_loads
 from testbench.model.structure import Structure, all153, joints_only
 from testbench.model.vjm import Vjm, evaluate_chain, tool_poses
+from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
 from testbench.workflows.error_places import (
     ErrorMeaning,
@@ -152,16 +153,7 @@ def error_map(cell: Cell, plan: Plan, forecast: Forecast) -> ErrorPlaces:
     return error_places(workspace_poses, found, list(found), EXPECTED)
 
 
-@dataclass(frozen=True)
-class UnshownJoints:
-    """Hold joints that only the tasks' loads turn, not the plan's, and a force that turns some of them."""
-
-    joints: list[str]
-    turned_by_pull: list[str]
-    pull_N: list[float] | None
-
-
-def unobservable_joints(plan: Plan, share: float) -> UnshownJoints | None:
+def unobservable_joints(plan: Plan, share: float) -> Row | None:
     """Find joints whose compliances no load of a plan can show though the tasks need them.
 
     The pull is along the world's axis that turns them most in the plan's poses, about as strong as the first
@@ -172,7 +164,8 @@ def unobservable_joints(plan: Plan, share: float) -> UnshownJoints | None:
         share: Share of the expected error at the tasks that stays open, whatever is measured [1].
 
     Returns:
-        The joints; None where all are shown.
+        `joints` that only the tasks' loads turn, not the plan's, and a force `pull_N` that turns some of
+        them, `turned_by_pull`; None where all are shown.
     """
     if share <= OPEN_ERROR_SHARE:
         return None
@@ -185,19 +178,10 @@ def unobservable_joints(plan: Plan, share: float) -> UnshownJoints | None:
         return None
     names, (able, best) = [joint.name for joint in vjm.arm.joints], _pull(plan, closed)
     force = None if best is None else best.wrench[:3].tolist()
-    return UnshownJoints([names[k] for k in closed], [names[k] for k in able], force)
+    return Row(joints=[names[k] for k in closed], turned_by_pull=[names[k] for k in able], pull_N=force)
 
 
-@dataclass(frozen=True)
-class Unloaded:
-    """Hold joints that no load of a plan turns, a force that does, and how well it is predicted."""
-
-    joints: list[str]
-    force_N: list[float] | None  #: About as strong as the first load; None where no force turns them.
-    error_mm: float | None  #: Expected at the tasks under that force, RMS; None without a bound [mm].
-
-
-def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
+def unloaded_joints(plan: Plan, prior: Prior) -> Row | None:
     """Find joints that no load turns in any pose of a plan, and what that costs.
 
     Args:
@@ -205,19 +189,22 @@ def unloaded_joints(plan: Plan, prior: Prior) -> Unloaded | None:
         prior: Compliances of the arm's folder.
 
     Returns:
-        The joints; None where all are turned.
+        `joints` that no load turns; `force_N` that does, about as strong as the first load, None where no
+        force turns them; `error_mm` to expect at the tasks under it, RMS, None without a bound. None where
+        all are turned.
     """
     spec = plan.specification
     vjm, names = spec.setup.vjm, [joint.name for joint in spec.setup.vjm.arm.joints]
     closed = np.flatnonzero(~_turned(_torques(vjm, plan.q, select_loads(spec, plan.load_index))))
     if not len(closed):
         return None
+    row = Row(joints=[names[k] for k in closed], force_N=None, error_mm=None)
     _, pull = _pull(plan, closed)
     if pull is None:
-        return Unloaded([names[k] for k in closed], None, None)
+        return row
     error = fit_error(linear_fit_after(spec, prior, plan.whitened_rows), spec.tasks.q, pull)
-    mm = float(MM * np.sqrt(np.square(error).mean()))
-    return Unloaded([names[k] for k in closed], pull.wrench[:3].tolist(), mm if math.isfinite(mm) else None)
+    mm = finite(MM * np.sqrt(np.square(error).mean()))
+    return Row(row, force_N=pull.wrench[:3].tolist(), error_mm=mm)
 
 
 def _pull(plan: Plan, closed: Ids) -> tuple[Ids, Load | None]:
@@ -256,18 +243,7 @@ SECOND_LOAD_SHARE = 0.4  #: Weight of a second load over the first [1].
 UNLOADED_AFTER = "an unloaded reading after the load was taken off (a row with loading off)"
 
 
-@dataclass(frozen=True)
-class UndeterminedLaw:
-    """Hold joints whose backlash, friction or stiffening a plan leaves undetermined, and what would help."""
-
-    kind: str  #: The law.
-    joints: list[str]  #: Those of which it is open.
-    by: str | None  #: The reading, in words; None where none tells any.
-    told: list[str]  #: Those of which this reading tells it.
-    never: list[str]  #: Those of which no reading that was examined does.
-
-
-def open_laws(plan: Plan, prior: Prior) -> list[UndeterminedLaw]:
+def open_laws(plan: Plan, prior: Prior) -> list[Row]:
     """List the joint laws (backlash, friction, stiffening) that a plan's readings do not determine.
 
     A law counts as undetermined if more than `OPEN_VARIANCE_SHARE` of its variance remains.
@@ -280,7 +256,9 @@ def open_laws(plan: Plan, prior: Prior) -> list[UndeterminedLaw]:
         prior: The prior.
 
     Returns:
-        The laws by kind.
+        A row for each law: its `kind`, the `joints` of which it is open, a reading that would help, `by`, in
+        words or None, the joints of which that reading tells it, `told`, and those of which none does,
+        `never`.
     """
     spec, vjm = plan.specification, plan.specification.setup.vjm
     plain = all153(vjm.arm)
@@ -305,12 +283,13 @@ def open_laws(plan: Plan, prior: Prior) -> list[UndeterminedLaw]:
     return [_open_law(kind, places, tells) for kind, places in kinds.items()]
 
 
-def _open_law(kind: str, places: dict[str, int], tells: dict[str, Mask]) -> UndeterminedLaw:
+def _open_law(kind: str, places: dict[str, int], tells: dict[str, Mask]) -> Row:
     """A law that is open of some joints, by their places among all laws, and what tells it."""
     told = {words: [joint for joint, k in places.items() if some[k]] for words, some in tells.items()}
     by = max(told, key=lambda words: len(told[words]))
     never = [joint for joint in places if not any(joint in some for some in told.values())]
-    return UndeterminedLaw(kind, list(places), by if told[by] else None, told[by], never)
+    words = by if told[by] else None
+    return Row(kind=kind, joints=list(places), by=words, told=told[by], never=never)
 
 
 def further_readings(spec: PlanSpecification, plan: Plan) -> dict[str, PlanSpecification]:

@@ -18,9 +18,9 @@ from testbench.report.planned_poses import OURS, WORK, poses_for_terminal, seen
 from testbench.report.table import Row
 from testbench.workflows.plan import Planned, plan_for
 from testbench.workflows.plan_input import FORCE_COLUMNS, read_loads, read_tasks
-from testbench.workflows.plan_numbers import _listed, numbers, plan_columns, write_poses, write_tasks
+from testbench.workflows.plan_numbers import _listed, numbers, write_poses, write_tasks
 from testbench.workflows.plan_settings import PlanSettings
-from testbench.workflows.predicted_error import Expected, UndeterminedLaw, Unloaded, UnshownJoints
+from testbench.workflows.predicted_error import Expected
 
 TASKS = Path(__file__).resolve().parents[2] / "docs" / "tasks.csv"
 POSES, PULL = 5, (-500.0, 3000.0, 0.0)
@@ -113,7 +113,9 @@ def test_a_report_says_all_of_it_and_the_terminal_has_room(f):
 
 def changed(f, **parts):
     """The numbers with others; of a part that is a row some of its own."""
-    return Row(f, **{key: Row(f[key], **own) if isinstance(own, Row) else own for key, own in parts.items()})
+    return Row(
+        f, **{key: Row(f[key] or {}, **own) if isinstance(own, Row) else own for key, own in parts.items()}
+    )
 
 
 @pytest.mark.parametrize(
@@ -144,15 +146,15 @@ SAID = [
     ({"surrounded": False}, "floor-z"),
     ({"joints_alone_mm": 0.233}, "no larger"),
     ({"directions": Row(hidden_mm=0.118)}, "0.118 mm"),
-    ({"unloaded": Unloaded(["swing"], [0.0, 900.0, 0.0], 1.25)}, "1.250 mm"),
-    ({"unshown": UnshownJoints(["swing"], ["swing"], [0, 4e3, 0])}, "--pull 0,4000,0"),
-    ({"unshown": UnshownJoints(["bend", "turn"], [], None)}, "bend and turn"),
+    ({"unloaded": Row(joints=["swing"], force_N=[0.0, 900.0, 0.0], error_mm=1.25)}, "1.250 mm"),
+    ({"unshown": Row(joints=["swing"], turned_by_pull=["swing"], pull_N=[0, 4e3, 0])}, "--pull 0,4000,0"),
+    ({"unshown": Row(joints=["bend", "turn"], turned_by_pull=[], pull_N=None)}, "bend and turn"),
     ({"pulls_n": (PULL,)}, "rope"),
     (
-        {"open_laws": [UndeterminedLaw("friction", ["a", "c"], "the same readings again", ["c"], ["a"])]},
+        {"open_laws": [Row(kind="friction", joints=["a", "c"], by="the same readings again", told=["c"])]},
         "The same readings again in each pose would determine it for c",
     ),
-    ({"open_laws": [UndeterminedLaw("backlash", ["b"], None, [], ["b"])]}, "Backlash"),
+    ({"open_laws": [Row(kind="backlash", joints=["b"], by=None, told=[])]}, "Backlash"),
 ]
 
 
@@ -195,7 +197,9 @@ def test_the_files_hold_the_numbers_of_the_report(f, tmp_path, sliding):
     write_poses(f, joints, plan)
     write_tasks(f, joints, tasks)
     runs, work = ([*csv.DictReader(path.read_text().splitlines())] for path in (plan, tasks))
-    assert list(runs[0]) == plan_columns(joints, pulls=True)
+    angles = [*(j.file_column for j in joints), *(j.display_column for j in joints)]
+    assert list(runs[0])[: len(angles) + 2] == ["run", *angles, "load_kg"]
+    assert list(runs[0])[-1] == "way"
     expected = [name for name in runs[0] if name.startswith("expected_")]
     assert list(work[0]) == ["task", *(joint.display_column for joint in joints), *expected]
     for cells, row in zip(runs + work, f.plan + f.tasks, strict=True):

@@ -20,10 +20,10 @@ from testbench.plant.tracker import Station
 from testbench.workflows.cell import build_cell
 from testbench.workflows.models import MODELS
 from testbench.workflows.plan import build_path_check
-from testbench.workflows.plan_numbers import absolute_columns, plan_columns
 
 ROOT = Path(__file__).resolve().parents[2]
 ARM = ROOT / "models" / "kr500_l480"
+ERRORS = "expected_error_mm expected_error_p05_mm expected_error_p95_mm travel_deg way".split()
 TASKS = ROOT / "docs" / "tasks.csv"
 POSES = 6
 FLAGS = ["--poses", POSES, "--load", 460, "--load", 150, "--candidates", 200]
@@ -142,12 +142,17 @@ def test_the_map_has_the_errors_over_the_workspace_beside_those_of_least_squares
         assert found["position_m"][worst["place"]] == worst["position_m"]
 
 
+def angles(cell):
+    joints = cell.arm.joints
+    return [*(joint.file_column for joint in joints), *(joint.display_column for joint in joints)]
+
+
 def test_the_plan_is_read_back_bit_by_bit_and_is_free_of_collision(planned, report, kr500):
     q = read_poses(planned / "plan.csv", kr500.arm)
     assert (q == [row["q"] for row in report["plan"]]).all()
     assert find_collisions(kr500.room, q) == [None] * POSES
     rows = table(planned / "plan.csv")
-    assert list(rows[0]) == plan_columns(kr500.arm.joints)
+    assert [*rows[0]] == ["run", *angles(kr500), "load_kg", "expected_deflection_mm", *ERRORS]
     travel = np.rad2deg(np.abs(np.diff(q, axis=0)).max(axis=1))
     assert [float(row["travel_deg"]) for row in rows[1:]] == pytest.approx(travel, abs=0.01)  # two digits
     assert rows[0]["way"] == "start"
@@ -268,7 +273,7 @@ def test_the_plan_is_read_back_and_simulated_in_two_readings_a_pose(absolute, ca
     assert (q == [row["q"] for row in calibration["plan"]]).all()
     assert find_collisions(cell.room, q) == [None] * READ
     rows = table(absolute / "plan.csv")
-    assert list(rows[0]) == absolute_columns(cell.arm.joints, loaded=True)
+    assert [*rows[0]] == ["run", *angles(cell), "load_kg", "expected_sag_mm", *ERRORS]
     assert {float(row["load_kg"]) for row in rows} == {5.0}
     fine("simulate", UR10, absolute / "plan.csv", "--absolute", "--out", tmp_path / "read.csv")
     force = [float(row["force_z_N"]) for row in table(tmp_path / "read.csv")]
