@@ -476,7 +476,7 @@ def average_with_joints_only(
     Returns:
         The averaged estimate, F_M that of the unweighted readings.
     """
-    known = estimate.averaged_models or ModelAverage(0.0, estimate)
+    known = _models_of(estimate)
     if weight < 1:
         weight *= (1 - known.joint_laws_weight) * (1 - known.joint_couplings_weight)
     if not weight:
@@ -516,18 +516,19 @@ def _average_priors(
     if not MIN_MODEL_PROBABILITY < probability < 1 - MIN_MODEL_PROBABILITY:
         return second if probability > 0.5 else first
     share = share if share > MIN_MODEL_PROBABILITY else 0.0
-    likelier, widest = (
-        (second if share > 0.5 else first),
-        max(first, second, key=lambda e: e.structure.n_parameters),
-    )
+    likelier = second if share > 0.5 else first
     # The mean, and the models that it contains.
-    weighted = (1 - share, first), (share, second)
-    known = [(weight, model.averaged_models or ModelAverage(0.0, model)) for weight, model in weighted]
+    weighted, probable = (
+        ((1 - share, first), (share, second)),
+        ((1 - probability, first), (probability, second)),
+    )
+    known = [(weight, _models_of(model)) for weight, model in weighted]
+    by_size = sorted(probable, key=lambda part: -part[1].structure.n_parameters)
     average = ModelAverage(
-        joints_only_weight=sum(weight * model.joints_only_weight for weight, model in known),
         links_and_joints=known[share > 0.5][1].links_and_joints,
+        interval_models=tuple(by_size),
+        joints_only_weight=sum(weight * model.joints_only_weight for weight, model in known),
         joint_laws_weight=sum(weight * model.joint_laws_weight for weight, model in known),
-        joint_laws_probability=sum(weight * model.joint_laws_probability for weight, model in known),
         with_joint_laws=next(
             (model.with_joint_laws for _, model in known if model.with_joint_laws is not None), None
         ),
@@ -535,9 +536,8 @@ def _average_priors(
         with_joint_couplings=next(
             (model.with_joint_couplings for _, model in known if model.with_joint_couplings is not None), None
         ),
-        estimate_per_prior=((1 - probability, first), (probability, second)),
     )
-    return _average(widest.regression, weighted, likelier.weighted_prior, average)
+    return _average(by_size[0][1].regression, weighted, likelier.weighted_prior, average)
 
 
 def _average(
@@ -618,12 +618,10 @@ def _average_joint_couplings(
     if share < MIN_MODEL_PROBABILITY:
         return mean, total_evidence
     share = share if share < 1 - MIN_MODEL_PROBABILITY else 1.0
-    estimate, known = (
-        solve(coupled, constraint, weighted_prior),
-        mean.averaged_models or ModelAverage(0.0, mean),
-    )
+    estimate, known = solve(coupled, constraint, weighted_prior), _models_of(mean)
     average = replace(
         known,
+        interval_models=_mixed((share, estimate), known),
         joint_laws_weight=(1 - share) * known.joint_laws_weight,
         joint_couplings_weight=share,
         with_joint_couplings=estimate,
@@ -657,14 +655,28 @@ def _average_laws(
         weight = probability = 1.0
     elif weight < MIN_MODEL_PROBABILITY:
         weight = 0.0
-    known = linear_mean.averaged_models or ModelAverage(0.0, linear_mean)
+    known = _models_of(linear_mean)
     average = replace(
-        known, joint_laws_weight=weight, joint_laws_probability=probability, with_joint_laws=with_laws
+        known,
+        interval_models=_mixed((probability, with_laws), known),
+        joint_laws_weight=weight,
+        with_joint_laws=with_laws,
     )
     likelier = weighted_prior if weight > 0.5 else known.links_and_joints.weighted_prior
     return _average(
         regression, ((1 - weight, linear_mean), (weight, with_laws)), likelier, average
     ), total_evidence
+
+
+def _models_of(estimate: Estimate) -> ModelAverage:
+    """Return the models that an estimate averages, or the estimate as the only one."""
+    return estimate.averaged_models or ModelAverage(estimate, ((1.0, estimate),))
+
+
+def _mixed(part: tuple[float, Estimate], others: ModelAverage) -> tuple[tuple[float, Estimate], ...]:
+    """Put a model with its probability before other models, which share the rest."""
+    rest = 1 - part[0]
+    return (part, *((rest * p, model) for p, model in others.interval_models if rest))
 
 
 # --- Parts of a model ---------------------------------------------------------------------------------------
@@ -728,7 +740,9 @@ def _average_joints(
         _logistic(power * (odds - math.log(JOINTS_ONLY_PRIOR_ODDS)))
         for power in (INTERVAL_ODDS_EXPONENT, JOINTS_ONLY_ODDS_EXPONENT)
     )
-    average = ModelAverage(weight, whole, joints_only_probability=probability, joints_only=joints_fit)
+    average = ModelAverage(
+        whole, ((1 - probability, whole), (probability, joints_fit)), joints_only_weight=weight
+    )
     return _average(r, ((1 - weight, whole), (weight, joints_fit)), weighted_prior, average), total_evidence
 
 

@@ -153,20 +153,17 @@ class ModelAverage:
     A weight is a share in the averaged parameters; a probability is a share in their intervals.
     """
 
+    links_and_joints: "Estimate"  #: The model with elastic links and joints.
+    #: Probability [1] of every model in intervals, and its estimate; the first has the most unknowns.
+    interval_models: "tuple[tuple[float, Estimate], ...]"
     #: Weight of rigid links against elastic links [1]: its probability given the readings, or 1 where elastic
     #: links do not predict held-out poses better.
-    joints_only_weight: float
-    links_and_joints: "Estimate"  #: The model with elastic links and joints.
-    joints_only_probability: float = 0.0  #: Probability of rigid links against elastic links [1].
-    joints_only: "Estimate | None" = None  #: The model with rigid links; None where its weight is zero.
+    joints_only_weight: float = 0.0
     joint_laws_weight: float = 0.0  #: Weight of the model with joint laws [1].
-    joint_laws_probability: float = 0.0  #: Probability of the model with joint laws [1].
     with_joint_laws: "Estimate | None" = None  #: The model with joint laws; None where it was not fitted.
-    joint_couplings_weight: float = 0.0  #: Weight and probability of the model with coupled joints [1].
+    joint_couplings_weight: float = 0.0  #: Weight of the model with coupled joints [1].
     #: The model with coupled joints, without joint laws; None where its weight is zero.
     with_joint_couplings: "Estimate | None" = None
-    #: Probability [1] and averaged estimate under each of two priors; empty where one has all weight.
-    estimate_per_prior: "tuple[tuple[float, Estimate], ...]" = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,7 +7,7 @@ compliance is at the boundary of the positive semi-definite cone.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from statistics import NormalDist
@@ -345,40 +345,21 @@ def conditional_covariance(covariance: Array, variables: Ids, known_variables: I
 
 def _averaged(estimate: Estimate, average: ModelAverage) -> Posterior:
     """Mix the posteriors of averaged models by probability, each widened by its distance from the mean."""
-    if average.estimate_per_prior:
-        parts = [(p, posterior_of_estimate(model)) for p, model in average.estimate_per_prior]
-    elif average.with_joint_couplings is not None:
-        p = average.joint_couplings_weight
-        tied = _embed(
-            posterior_of_estimate(average.with_joint_couplings),
-            average.with_joint_couplings.structure,
-            estimate.structure,
-        )
-        others = [] if p == 1 else [((1 - p) * q, posterior) for q, posterior in _uncoupled_parts(average)]
-        parts = [(p, tied), *others]
-    else:
-        parts = _uncoupled_parts(average)
-    alone = parts[0][1]
-    if len(parts) == 1 and np.array_equal(alone.mean, estimate.pi):
-        return alone
-    return _mixture(estimate.pi, parts)
-
-
-def _uncoupled_parts(average: ModelAverage) -> list[tuple[float, Posterior]]:
-    """Select the models with uncoupled joints, and their relative probabilities."""
-    p, q = average.joint_laws_probability, average.joints_only_probability
-    lawful = [] if average.with_joint_laws is None else [(p, posterior_of_estimate(average.with_joint_laws))]
-    if p == 1:
-        return lawful
-    parts = [*lawful, ((1 - p) * (1 - q), posterior_of_estimate(average.links_and_joints))]
-    if average.joints_only is not None:
-        alone = _embed(
-            posterior_of_estimate(average.joints_only),
-            average.joints_only.structure,
-            average.links_and_joints.structure,
-        )
-        parts.append(((1 - p) * q, alone))
-    return parts
+    parts = [
+        (p, _embed(posterior_of_estimate(model), model.structure, estimate.structure))
+        for p, model in average.interval_models
+    ]
+    first = parts[0][1]
+    if len(parts) == 1 and np.array_equal(first.mean, estimate.pi):
+        return first
+    noise, heavy = [], []
+    for p, posterior in parts:
+        rows = np.vstack([posterior.covariance_root, estimate.pi - posterior.mean])
+        n_noise_rows = len(posterior.covariance_root) - posterior.n_prior_rows
+        noise.append(math.sqrt(p) * rows[:n_noise_rows])
+        heavy.append(math.sqrt(p) * rows[n_noise_rows:])
+    R, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
+    return replace(first, mean=estimate.pi, covariance_root=np.vstack([R, prior]), n_prior_rows=len(prior))
 
 
 def _embed(posterior: Posterior, structure: Structure, widest: Structure) -> Posterior:
@@ -395,21 +376,6 @@ def _embed(posterior: Posterior, structure: Structure, widest: Structure) -> Pos
     return replace(
         posterior, mean=x, covariance_root=root, unobservable_directions=unobservable, typical_sizes=scale
     )
-
-
-def _mixture(pi: Array, parts: Sequence[tuple[float, Posterior]]) -> Posterior:
-    """Mix posteriors by probability about a common mean; some lack the last unknowns, sizes of joint laws."""
-    noise, heavy = [], []
-    for p, posterior in parts:
-        root, n = posterior.covariance_root, len(posterior.mean)
-        rows, first = np.zeros((len(root) + 1, len(pi))), len(root) - posterior.n_prior_rows
-        rows[:-1, :n], rows[-1] = root, pi
-        rows[-1, :n] -= posterior.mean
-        noise.append(math.sqrt(p) * rows[:first])
-        heavy.append(math.sqrt(p) * rows[first:])
-    widest = max((member for _, member in parts), key=lambda member: len(member.mean))
-    R, prior = (np.linalg.qr(np.vstack(rows), mode="r") for rows in (noise, heavy))
-    return replace(widest, mean=pi, covariance_root=np.vstack([R, prior]), n_prior_rows=len(prior))
 
 
 def _noise_and_prior_roots(

@@ -465,7 +465,9 @@ def test_an_average_is_conservative_and_widths_are_less_sure_of_joints_alone(kr5
     whole, w = average.links_and_joints, average.joints_only_weight
     np.testing.assert_allclose(found.C_theta[links, links], (1 - w) * whole.C_theta[links, links], rtol=1e-12)
     assert found.conservative
-    assert w > average.joints_only_probability > 0.5  # these joints are alone
+    [(_, first), (joints_only_probability, _)] = average.interval_models
+    assert first is whole
+    assert w > joints_only_probability > 0.5  # these joints are alone
 
 
 @pytest.mark.parametrize("kind", ["every model", "coupled joints alone", "two priors"])
@@ -483,32 +485,19 @@ def test_an_average_has_the_covariance_of_the_mixture_of_its_models(kr500, campa
         "posterior_of_estimate",
         lambda own: Posterior.from_covariance_root(own.pi, roots[id(own)]),
     )
-    likely = {
-        "joint_laws_probability": 0.8,
-        "with_joint_laws": laws,
-        "joints_only_probability": 0.4,
-        "joints_only": joints,
-    }
-    average, parts = {
-        "every model": (
-            ModelAverage(0.5, links, joint_couplings_weight=0.3, with_joint_couplings=ties, **likely),
-            ((0.3, ties), (0.7 * 0.8, laws), (0.7 * 0.2 * 0.4, joints), (0.7 * 0.2 * 0.6, links)),
-        ),
-        "coupled joints alone": (
-            ModelAverage(0, links, joint_couplings_weight=1, with_joint_couplings=ties),
-            ((1, ties),),
-        ),
-        "two priors": (
-            ModelAverage(0, links, estimate_per_prior=(pair := ((0.4, links), (0.6, laws)))),
-            pair,
-        ),
+    parts = {
+        "every model": ((0.3, ties), (0.56, laws), (0.056, joints), (0.084, links)),
+        "coupled joints alone": ((1, ties),),
+        "two priors": ((0.6, laws), (0.4, links)),
     }[kind]
     mean = make_estimate(regression, rng.normal(size=s.n_parameters), method="known")
     expected = np.zeros((s.n_parameters, s.n_parameters))
     for p, own in parts:
         x, root = (embed_parameters(numbers, own.structure, s) for numbers in (own.pi, roots[id(own)]))
         expected += p * (root.T @ root + np.outer(x - mean.pi, x - mean.pi))
-    found = posterior_of_estimate(replace(mean, averaged_models=average)).covariance(np.eye(s.n_parameters))
+    found = posterior_of_estimate(replace(mean, averaged_models=ModelAverage(links, parts))).covariance(
+        np.eye(s.n_parameters)
+    )
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
@@ -523,9 +512,11 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     both = [
         replace(
             one,
-            averaged_models=ModelAverage(weight, one, joint_laws_weight=laws, joint_laws_probability=likely),
+            averaged_models=ModelAverage(
+                one, ((1.0, one),), joints_only_weight=weight, joint_laws_weight=laws
+            ),
         )
-        for one, weight, laws, likely in zip(both, (0.1, 0.5), (0.2, 0.7), (0.3, 0.8), strict=True)
+        for one, weight, laws in zip(both, (0.1, 0.5), (0.2, 0.7), strict=True)
     ]
     log_evidence = [
         7.0,
@@ -541,16 +532,12 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     # as widths count them, with even odds beforehand
     even = (share * [1, average.BEAM_LIKE_LINKS_PRIOR_ODDS]) ** average.INTERVAL_ODDS_EXPONENT
     np.testing.assert_allclose(
-        [own for own, _ in found.averaged_models.estimate_per_prior], even / even.sum(), rtol=1e-12
+        [own for own, _ in found.averaged_models.interval_models], even / even.sum(), rtol=1e-12
     )
-    assert [own for _, own in found.averaged_models.estimate_per_prior] == both
+    assert [own for _, own in found.averaged_models.interval_models] == both
     assert found.averaged_models.links_and_joints is both[likelier].averaged_models.links_and_joints
-    mixed = [
-        found.averaged_models.joints_only_weight,
-        found.averaged_models.joint_laws_weight,
-        found.averaged_models.joint_laws_probability,
-    ]
-    np.testing.assert_allclose(mixed, share @ [[0.1, 0.2, 0.3], [0.5, 0.7, 0.8]], rtol=1e-12)
+    mixed = [found.averaged_models.joints_only_weight, found.averaged_models.joint_laws_weight]
+    np.testing.assert_allclose(mixed, share @ [[0.1, 0.2], [0.5, 0.7]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("log_evidence", [(0.0, 2.0, 2.5), (3.0, 0.0, 5.5)], ids=["linear", "laws"])
@@ -588,7 +575,9 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
     assert found.averaged_models.joints_only_weight == pytest.approx(joints / linear)
     assert found.averaged_models.joint_laws_weight == pytest.approx(laws / (linear + laws))
     even = (average.LINEAR_JOINTS_PRIOR_ODDS * laws / linear) ** average.INTERVAL_ODDS_EXPONENT
-    assert found.averaged_models.joint_laws_probability == pytest.approx(even / (1 + even))
+    (probability, with_laws), *_ = found.averaged_models.interval_models
+    assert with_laws is found.averaged_models.with_joint_laws
+    assert probability == pytest.approx(even / (1 + even))
     straight = links / linear * 1.0 + joints / linear * 3.0 * (s.rows >= 42)
     expected = found.averaged_models.joint_laws_weight * 2.0 + (
         1 - found.averaged_models.joint_laws_weight
@@ -783,10 +772,10 @@ def test_joints_alone_weigh_a_third_where_links_change_with_the_pose(kr500, camp
     rows = np.random.default_rng(0).standard_normal((5, len(found.pi)))
     told = posterior_of_estimate(found)
     np.testing.assert_array_equal(told.mean, found.pi)
-    around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.averaged_models.estimate_per_prior)
+    around = sum(p * (rows @ (e.pi - found.pi)) ** 2 for p, e in found.averaged_models.interval_models)
     own = sum(
         p * posterior_of_estimate(e).standard_deviations(rows) ** 2
-        for p, e in found.averaged_models.estimate_per_prior
+        for p, e in found.averaged_models.interval_models
     )
     np.testing.assert_allclose(told.standard_deviations(rows) ** 2, own + around, rtol=1e-9)
 
@@ -841,9 +830,7 @@ def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(k
 
     def with_laws_of_half(*args):
         e = of_two(*args)
-        return replace(
-            e, averaged_models=replace(e.averaged_models or ModelAverage(0.0, e), joint_laws_weight=0.5)
-        )
+        return replace(e, averaged_models=replace(average._models_of(e), joint_laws_weight=0.5))
 
     monkeypatch.setattr(average, "_average_priors", with_laws_of_half)
     monkeypatch.setattr(average.LinksVersusJointsOnly, "links_certain", False)
