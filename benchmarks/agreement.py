@@ -115,8 +115,10 @@ def squares_by_clarabel(M: Array, r: Array, sizes: tuple[int, ...]) -> cone.Solu
     R = np.asarray(np.linalg.qr(np.c_[M, r] / np.linalg.norm(r), mode="r"))[:n]
     program = cone.ConeProgram(
         cost=np.zeros(2 * n),
-        blocks=(cone.free_block(n), *cone.psd_blocks(n, sizes)),
-        constraints=(cone.ConeConstraint("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),),
+        constraints=(
+            cone.ConeConstraint("zero", np.c_[np.eye(n), -R[:, :n]], -R[:, n]),
+            *cone.psd_constraints(sizes, np.eye(n, 2 * n, n)),
+        ),
         quadratic_diagonal=np.r_[np.ones(n), np.zeros(n)],
     )
     return cone.solve(program, tolerance=SHARP)

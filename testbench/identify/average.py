@@ -706,9 +706,12 @@ def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScalin
     wanted = set(zip(structure.rows.tolist(), structure.columns.tolist(), strict=True))
     in_structure = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
     keep = np.flatnonzero(in_structure)
-    sizes = tuple(len(block) for block in structure.blocks)
     return PriorScaling(
-        scaling.prior_name, structure, scaling.L[np.ix_(places, keep)], scaling.expected_x[keep], sizes
+        scaling.prior_name,
+        structure,
+        scaling.L[np.ix_(places, keep)],
+        scaling.expected_x[keep],
+        structure.block_orders,
     )
 
 

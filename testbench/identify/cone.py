@@ -1,10 +1,9 @@
 """Conic programs and their solution by Clarabel, and the algebra of symmetric matrices in them.
 
-    minimise   1/2 v . P v + c . v   subject to   b - A v in cones,   PSD blocks of v in theirs
+    minimise   1/2 v . P v + c . v   subject to   b - A v in cones
 
-The unknowns v come as blocks: a symmetric matrix that must be positive semi-definite (PSD), or free numbers.
-The coordinates of a matrix X are svec(X), its upper triangle by column with off-diagonals times sqrt 2: the
-length of svec(X) is the Frobenius norm of X.
+A cone may be that of positive semi-definite (PSD) matrices. The coordinates of a matrix X are svec(X), its
+upper triangle by column with off-diagonals times sqrt 2: the length of svec(X) is the Frobenius norm of X.
 """
 
 import math
@@ -33,17 +32,6 @@ CLARABEL_CONES: dict[ConeKind, Callable[[int], object]] = {
 
 
 @dataclass(frozen=True)
-class Block:
-    """Hold k unknowns of a conic program: those of one positive semi-definite matrix, or free numbers."""
-
-    indices: Ids  #: Indices of these unknowns in v, (k,).
-    #: Order n of the matrix that must be positive semi-definite; 0 for free numbers.
-    matrix_order: int = 0
-    #: svec of that matrix per unit of the unknowns, (n (n + 1) / 2, k); None if the unknowns are its svec.
-    svec_per_unknown: Array | None = None
-
-
-@dataclass(frozen=True)
 class ConeConstraint:
     """Hold the constraint that b - A v lies in a cone, with the n unknowns v of a conic program."""
 
@@ -57,8 +45,7 @@ class ConeProgram:
     """Hold a conic program: minimise 1/2 v . P v + c . v over n unknowns v with constraints on cones."""
 
     cost: Array  #: Linear cost c, (n,).
-    blocks: tuple[Block, ...]  #: Blocks of unknowns; together their indices are 0 to n - 1.
-    constraints: tuple[ConeConstraint, ...] = ()  #: Constraints in addition to those of PSD blocks.
+    constraints: tuple[ConeConstraint, ...]  #: Constraints on the unknowns.
     quadratic_diagonal: Array | None = None  #: Diagonal of P, (n,); None for P = 0.
 
 
@@ -67,8 +54,7 @@ class Solution:
     """Hold the solution of a conic program: unknowns, dual variables, cost and its proven lower bound."""
 
     unknowns: Array  #: The unknowns v, (n,).
-    #: Dual variables of every `ConeConstraint`, (rows,) each, then of every PSD block as svec.
-    duals: tuple[Array, ...]
+    duals: tuple[Array, ...]  #: Dual variables of every `ConeConstraint`, (rows,) each.
     cost: float  #: Cost of the unknowns.
     lower_bound: float  #: Cost that no feasible v can go below, proven by the dual variables.
     solver_status: str  #: Status as the solver names it.
@@ -104,16 +90,8 @@ def solve(problem: ConeProgram, *, tolerance: float = SOLVER_TOLERANCE) -> Solut
     options.max_threads = 1
     options.direct_solve_method = "qdldl"  # a fifth faster here than the default, with the same digits
     options.tol_gap_abs = options.tol_gap_rel = options.tol_feas = tolerance
-    # All constraints below each other: those of the program, then svec of every PSD block in its cone.
-    n, rows = len(problem.cost), list(problem.constraints)
-    for block in problem.blocks:
-        if block.matrix_order:
-            A = np.zeros((svec_length(block.matrix_order), n))
-            A[:, block.indices] = (
-                -np.eye(len(A)) if block.svec_per_unknown is None else -block.svec_per_unknown
-            )
-            rows.append(ConeConstraint("psd", A, np.zeros(len(A))))
-    P = np.zeros(n) if problem.quadratic_diagonal is None else problem.quadratic_diagonal
+    rows = problem.constraints
+    P = np.zeros(len(problem.cost)) if problem.quadratic_diagonal is None else problem.quadratic_diagonal
     result = clarabel.DefaultSolver(
         sparse.csc_matrix(np.diag(P)),
         problem.cost,
@@ -132,29 +110,23 @@ def solve(problem: ConeProgram, *, tolerance: float = SOLVER_TOLERANCE) -> Solut
     )
 
 
-def psd_blocks(first_index: int, orders: tuple[int, ...]) -> tuple[Block, ...]:
-    """Make one positive semi-definite block per matrix; the unknowns are their svecs one after the other.
+def psd_constraints(
+    orders: tuple[int, ...], svecs_per_unknown: Array, constant_svecs: Array | None = None
+) -> tuple[ConeConstraint, ...]:
+    """Make the constraints that matrices are positive semi-definite, with their svecs linear in the unknowns.
 
     Args:
-        first_index: Index of the first unknown.
         orders: Orders of the matrices.
+        svecs_per_unknown: svecs of all matrices, one after the other, per unit of the unknowns, (entries, n).
+        constant_svecs: svecs of all matrices where the unknowns are zero, (entries,); None for zero.
 
     Returns:
-        The blocks.
+        One constraint per matrix.
     """
-    ends = first_index + np.cumsum([svec_length(size) for size in orders])
-    return tuple(
-        Block(np.arange(k - svec_length(n), k), n) for k, n in zip(ends.tolist(), orders, strict=True)
-    )
-
-
-def free_block(count: int) -> Block:
-    """Make a block of the first unknowns, which are unconstrained.
-
-    Args:
-        count: Number of unknowns.
-    """
-    return Block(np.arange(count))
+    constant = np.zeros(len(svecs_per_unknown)) if constant_svecs is None else constant_svecs
+    ends = np.cumsum([svec_length(order) for order in orders])[:-1]
+    parts = zip(np.split(svecs_per_unknown, ends), np.split(constant, ends), strict=True)
+    return tuple(ConeConstraint("psd", -A, b) for A, b in parts)
 
 
 def norm_constraint(bound_index: int, R: Array, z: Array) -> ConeConstraint:

@@ -328,6 +328,17 @@ class ConicProgram:
         pi[self.parameter_indices] = self.parameter_units * x
         return pi
 
+    def psd_constraints(self, n_first: int) -> tuple[cone.ConeConstraint, ...]:
+        """Make the constraints that all blocks are positive semi-definite.
+
+        Args:
+            n_first: Number of unknowns of the conic program before x.
+        """
+        svecs = svecs_per_parameter(self.observed_structure)
+        return cone.psd_constraints(
+            self.observed_structure.block_orders, np.c_[np.zeros((len(svecs), n_first)), svecs]
+        )
+
 
 @dataclass(frozen=True)
 class ConicSolution:
@@ -421,9 +432,13 @@ def solve_gco_by_interior_point(regression: Regression, program: ConicProgram) -
         return None
     start, order = time.perf_counter(), s.parameter_of_entry
     unit = np.where(s.fills_two_entries[order], math.sqrt(0.5), 1.0)  # parameters over svec
-    sizes, x = tuple(len(block) for block in s.blocks), np.empty(len(order))
+    x = np.empty(len(order))
     norms = BlockProgram(
-        program.R[:, :, order] * unit, program.z, program.unexplained, program.trace_cost[order] * unit, sizes
+        program.R[:, :, order] * unit,
+        program.z,
+        program.unexplained,
+        program.trace_cost[order] * unit,
+        s.block_orders,
     )
     x[order] = unit * solve_program(norms).x
     pi = program.to_pi(x, n)
@@ -454,11 +469,11 @@ def solve_noise_free_gco(regression: Regression, program: ConicProgram) -> Array
     solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.zeros(k), program.trace_cost],
-            blocks=(cone.free_block(k), *compliance_blocks(s, k)),
             constraints=(
                 cone.ConeConstraint(
                     "zero", np.c_[np.eye(k), -R], -SQUARED_RESIDUAL_SCALE * program.z.ravel()
                 ),
+                *program.psd_constraints(k),
             ),
             quadratic_diagonal=np.r_[np.ones(k), np.zeros(n)],
         )
@@ -486,8 +501,10 @@ def solve_gco_by_clarabel(regression: Regression, program: ConicProgram) -> Coni
     solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.ones(count), program.trace_cost],
-            blocks=(cone.free_block(count), *compliance_blocks(s, count)),
-            constraints=norm_constraints(program.R, program.z, program.unexplained),
+            constraints=(
+                *norm_constraints(program.R, program.z, program.unexplained),
+                *program.psd_constraints(count),
+            ),
         )
     )
     pi = program.to_pi(clip_negative_eigenvalues(s, solution.unknowns[count:]), n)
@@ -566,36 +583,18 @@ def clip_negative_eigenvalues(structure: Structure, parameters: Array) -> Array:
     return structure.parameters_of(X)
 
 
-@lru_cache(maxsize=64)
-def compliance_blocks(structure: Structure, first_index: int) -> tuple[cone.Block, ...]:
-    """List the positive semi-definite blocks of C_theta for a conic program.
+def svecs_per_parameter(structure: Structure) -> Array:
+    """Compute how the parameters of C_theta make up the svecs of its blocks.
 
     Args:
-        structure: The unknowns.
-        first_index: Index of the first parameter among the unknowns of the program.
+        structure: The n unknowns.
 
     Returns:
-        One block of the program per block of C_theta.
+        svecs of all blocks, one after the other, per unit of the parameters, (entries, n) [1].
     """
-    blocks = [(block_parameters(structure, block), len(block)) for block in structure.blocks]
-    return tuple(cone.Block(first_index + entries, size, svec) for (entries, svec), size in blocks)
-
-
-def block_parameters(structure: Structure, block_rows: Ids) -> tuple[Ids, Array]:
-    """Find the parameters inside one block of C_theta, and how they make up its svec.
-
-    Args:
-        structure: The unknowns.
-        block_rows: Rows of C_theta in the block, (size,).
-
-    Returns:
-        Indices of the parameters, (k,), and the svec of the block per unit of them,
-        (size (size + 1) / 2, k) [1].
-    """
-    position = np.full(structure.n_theta, -1)
-    position[block_rows] = np.arange(len(block_rows))
-    k = np.flatnonzero(position[structure.rows] >= 0)
-    i, j = np.sort([position[structure.rows[k]], position[structure.columns[k]]], axis=0)
-    svec = np.zeros((cone.svec_length(len(block_rows)), len(k)))
-    svec[j * (j + 1) // 2 + i, np.arange(len(k))] = np.where(i == j, 1.0, math.sqrt(2))
-    return k, svec
+    row, column = structure.upper_triangles
+    parameter = structure.parameter_of_entry
+    entry = np.flatnonzero(parameter >= 0)
+    svecs = np.zeros((len(row), structure.n_parameters))
+    svecs[entry, parameter[entry]] = np.where(row == column, 1.0, math.sqrt(2))[entry]
+    return svecs

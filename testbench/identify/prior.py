@@ -320,7 +320,6 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
     plain = structure.n_compliance_rows
     P = np.eye(structure.n_theta)
     P[:plain, :plain] = check_array(prior.C_theta, (plain,) * 2, f"prior {prior.name} [m/N, rad/(N m)]")
-    sizes = tuple(len(block) for block in structure.blocks)
     if not structure.has_full_blocks:
         raise BenchError(
             f"prior: expected a structure of whole blocks, {structure.name} lacks entries in one"
@@ -332,7 +331,7 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
     for group in structure.block_groups:
         parameters = structure.parameter_of_entry[group.triangle_indices]
         L[parameters[:, :, None], group.triangle_indices[:, None, :]] = _congruences(root[group.index_arrays])
-    return PriorScaling(prior.name, structure, L, expected, sizes)
+    return PriorScaling(prior.name, structure, L, expected, structure.block_orders)
 
 
 def rows_in_prior_units(regression: Regression, scaling: PriorScaling) -> tuple[Array, Array]:

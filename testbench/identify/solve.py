@@ -35,9 +35,9 @@ from testbench.errors import Array, BenchError, Mask
 from testbench.identify import cone
 from testbench.identify.conic import (
     EXACT_FIT_SHARE,
-    block_parameters,
     clip_negative_eigenvalues,
     solve_gco,
+    svecs_per_parameter,
 )
 from testbench.identify.equations import WeightedReadings, weighted_readings
 from testbench.identify.estimate import (
@@ -154,9 +154,7 @@ def conservative_least_squares(regression: Regression) -> Estimate:
     shortest = cone.norm_constraint(
         0, np.eye(free.null_space.shape[1] + 1)[1:], np.zeros(free.null_space.shape[1])
     )
-    solution = cone.solve(
-        _equal_fit_program(regression.structure, free, np.zeros(len(plain.pi)), (shortest,))
-    )
+    solution = cone.solve(_equal_fit_program(regression.structure, free, np.zeros(len(plain.pi)), shortest))
     if solution.status != "solved":
         why = (
             NO_CONSERVATIVE_FIT
@@ -205,21 +203,23 @@ def _least_eigenvalue_shift(structure: Structure, equal_fits: EqualFits) -> floa
     first = np.eye(1, 1 + equal_fits.null_space.shape[1])
     return cone.solve(
         _equal_fit_program(
-            structure, equal_fits, identity, (cone.ConeConstraint("nonnegative", -first, np.ones(1)),)
+            structure, equal_fits, identity, cone.ConeConstraint("nonnegative", -first, np.ones(1))
         )
     ).lower_bound
 
 
 def _equal_fit_program(
-    s: Structure, equal_fits: EqualFits, shift_direction: Array, rows: tuple[cone.ConeConstraint, ...]
+    s: Structure, equal_fits: EqualFits, shift_direction: Array, first: cone.ConeConstraint
 ) -> cone.ConeProgram:
     """Make the program min t over (t, w) with x + N w + t B in the cone, B the `shift_direction`."""
-    for block in s.blocks:
-        entries, svec = block_parameters(s, block)
-        A = -svec @ np.c_[shift_direction, equal_fits.null_space][entries]
-        rows += (cone.ConeConstraint("psd", A, svec @ equal_fits.minimum_norm_solution[entries]),)
+    svecs = svecs_per_parameter(s)
+    conservative = cone.psd_constraints(
+        s.block_orders,
+        svecs @ np.c_[shift_direction, equal_fits.null_space],
+        svecs @ equal_fits.minimum_norm_solution,
+    )
     cost = np.r_[1.0, np.zeros(equal_fits.null_space.shape[1])]
-    return cone.ConeProgram(cost, (cone.free_block(len(cost)),), rows)
+    return cone.ConeProgram(cost, (first, *conservative))
 
 
 # --- Solve least squares or GCO on weighted equations, with a prior or without ------------------------------
@@ -368,8 +368,10 @@ def solve_by_clarabel(M: Array, r: Array, block_orders: tuple[int, ...]) -> cone
     return cone.solve(
         cone.ConeProgram(
             cost=np.r_[1.0, np.zeros(n)],
-            blocks=(cone.free_block(1), *cone.psd_blocks(1, block_orders)),
-            constraints=(cone.norm_constraint(0, residual, R[:, n] / unit),),
+            constraints=(
+                cone.norm_constraint(0, residual, R[:, n] / unit),
+                *cone.psd_constraints(block_orders, np.eye(n, n + 1, 1)),
+            ),
         )
     )
 

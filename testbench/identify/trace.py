@@ -332,7 +332,7 @@ def _scaled_folds(penalty: TracePenalty, G: Array, rate: float) -> _ScaledFolds:
         g=G[:, order, -1] * scale / unit,
         half_squares=G[:, -1, -1] / unit**2 / 2,
         trace_gradient=penalty.trace_gradient[order] * scale / unit,
-        block_orders=tuple(len(block) for block in s.blocks),
+        block_orders=s.block_orders,
         parameter_indices=order,
         scale=scale,
         reading_norm=unit,

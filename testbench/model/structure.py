@@ -167,10 +167,15 @@ class Structure(Displayed):
         """
         return tuple(np.flatnonzero(self.block_of_row == k) for k in range(self.block_of_row.max() + 1))
 
+    @property
+    def block_orders(self) -> tuple[int, ...]:
+        """Return the number of rows of every block of C_theta, (blocks,)."""
+        return tuple(len(block) for block in self.blocks)
+
     @cached_property
     def block_groups(self) -> tuple[BlockGroup, ...]:
         """Group the blocks of C_theta by their number of rows, smallest first."""
-        sizes = np.array([len(block) for block in self.blocks])
+        sizes = np.array(self.block_orders)
         entries = sizes * (sizes + 1) // 2
         first = np.cumsum(entries) - entries
 
@@ -201,7 +206,7 @@ class Structure(Displayed):
     @cached_property
     def has_full_blocks(self) -> bool:
         """Tell whether all entries of all blocks are parameters, as a prior on whole blocks requires."""
-        return sum(len(block) * (len(block) + 1) // 2 for block in self.blocks) == self.n_parameters
+        return len(self.parameter_of_entry) == self.n_parameters
 
     def indices_in(self, wider: "Structure") -> Ids:
         """Find the parameters of this structure among those of a wider one.

@@ -131,8 +131,11 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.zeros(count), scaling.expected_x],
-            blocks=(cone.free_block(count), *cone.psd_blocks(count, scaling.block_orders)),
-            constraints=(total, *norms),
+            constraints=(
+                total,
+                *norms,
+                *cone.psd_constraints(scaling.block_orders, np.eye(n, count + n, count)),
+            ),
         )
     )
     estimate = make_estimate(

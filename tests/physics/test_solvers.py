@@ -141,17 +141,18 @@ def symmetric(rng, n):
     return A + A.T
 
 
-def nearest(z, blocks):
+def nearest(z, orders, svecs):
     """min |v - z| over v; the unknowns are the distance, then v."""
     cost = np.r_[1.0, np.zeros(len(z))]
-    rows = (cone.norm_constraint(0, np.eye(len(z), 1 + len(z), 1), z),)
-    return cone.solve(cone.ConeProgram(cost, (cone.free_block(1), *blocks), rows))
+    norm = cone.norm_constraint(0, np.eye(len(z), 1 + len(z), 1), z)
+    psd = cone.psd_constraints(orders, np.c_[np.zeros(len(svecs)), svecs])
+    return cone.solve(cone.ConeProgram(cost, (norm, *psd)))
 
 
 def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_their_block_lacks(rng):
     """The second has a diagonal and one off-diagonal entry of 3 x 3: a 2 x 2 block and a number."""
     A, B = symmetric(rng, 4), symmetric(rng, 3)
-    found = nearest(np.r_[cone.svec(A), cone.svec(B)], cone.psd_blocks(1, (4, 3)))
+    found = nearest(np.r_[cone.svec(A), cone.svec(B)], (4, 3), np.eye(16))
     assert found.status == "solved"
     expected = np.r_[cone.svec(cone.nearest_psd(A)), cone.svec(cone.nearest_psd(B))]
     np.testing.assert_allclose(found.unknowns[1:], expected, atol=1e-6)
@@ -161,7 +162,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
     z = np.array([1.0, -2.0, 3.0, 4.0])  # X_00, X_11, X_22, X_01
     places = np.zeros((6, 4))
     places[[0, 2, 5, 1], [0, 1, 2, 3]] = 1, 1, 1, np.sqrt(2)
-    found = nearest(z, (cone.Block(1 + np.arange(4), 3, places),))
+    found = nearest(z, (3,), places)
     x = found.unknowns[1:]
     X = np.array([[x[0], x[3], 0], [x[3], x[1], 0], [0, 0, x[2]]])
     assert np.linalg.eigvalsh(X)[0] > -1e-7
@@ -171,7 +172,7 @@ def test_the_nearest_psd_matrices_lack_negative_eigenvalues_and_entries_that_the
 
 def test_what_cannot_be_is_not_called_solved():
     apart = tuple(cone.ConeConstraint("nonnegative", sign * np.eye(1), np.array([-1.0])) for sign in (1, -1))
-    found = cone.solve(cone.ConeProgram(np.ones(1), (cone.free_block(1),), apart))  # x <= -1 and x >= 1
+    found = cone.solve(cone.ConeProgram(np.ones(1), apart))  # x <= -1 and x >= 1
     assert found.status == f"not solved: Clarabel says {found.solver_status}"
     assert "nfeasible" in found.solver_status
 
@@ -213,8 +214,11 @@ def best_within(regression, t):
     found = cone.solve(
         cone.ConeProgram(
             cost=np.r_[np.ones(count), np.zeros(s.n_parameters)],
-            blocks=(cone.free_block(count), *conic.compliance_blocks(s, count)),
-            constraints=(*norms, cone.ConeConstraint("nonnegative", room, np.ones(len(room)))),
+            constraints=(
+                *norms,
+                cone.ConeConstraint("nonnegative", room, np.ones(len(room))),
+                *program.psd_constraints(count),
+            ),
         )
     )
     return program.to_pi(found.unknowns[count:], regression.structure.n_parameters)
