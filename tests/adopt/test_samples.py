@@ -1,10 +1,10 @@
 """Exports as strangers would bring them: each is read to its last digit, or refused in a line that says why.
 
-The folder `samples` has the files, and `samples.csv` what each holds: readings of one target ("points") or of
-three ("targets"), of both without and with 100 kg ("pairs", in a "plan" by our own names of columns), of
-gauges ("gauges") or of a draw-wire ("wires"), all of the joints and places in `readings.csv`. A file that
-is refused has the words that must be in the line, one that is read may have words of a warning or guess:
-several with | between.
+The folder `samples` has the files, and `samples.csv` what each holds: readings of one target ("points"), of
+three ("targets"), of one target without and with 100 kg in turn ("loads"), of unloaded and loaded readings
+as pairs ("pairs"; "plan" by our own names of columns), of gauges ("gauges") or of a draw-wire ("wires"),
+all of the joints and places in `readings.csv`. A file that is refused has the words that must be in the
+line, one that is read may have words of a warning or guess: several with | between.
 """
 
 import csv
@@ -68,7 +68,7 @@ def read(sample, folder):
     entries = propose(file, ARM, log, folder, loaded=loaded).entries
     (map_ := folder / "map.toml").write_text(map_text(entries))
     why = [own.why for own in entries]
-    if sample["holds"] in ("points", "targets"):
+    if sample["holds"] in ("points", "targets", "loads"):
         export = read_series(file, ARM, map_)
         [series] = export.series
         return series, [*export.notes, *why]
@@ -79,18 +79,24 @@ def read(sample, folder):
 
 def check(holds, found):
     """The readings are those of the table, with their last digit."""
+    if holds == "loads":
+        np.testing.assert_allclose(found.q, np.repeat(Q, 2, axis=0), rtol=0, atol=1e-9)
+        places = np.stack([X[:, 0], X[:, 0] + DOWN], axis=1).reshape(-1, 3)
+        np.testing.assert_allclose(found.position[:, 0], places, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(found.wrench[:, 2], np.tile([0, -WEIGHT], len(Q)), rtol=0, atol=1e-9)
+        return
     times = 2 if holds == "pairs twice" else 1
-    places = np.tile(X, (times, 1, 1))
     np.testing.assert_allclose(found.q, np.tile(Q, (times, 1)), rtol=0, atol=6e-10)  # of 9 digits in radians
     if holds == "points":
         np.testing.assert_allclose(found.position[:, 0], X[:, 0], rtol=0, atol=1e-9)
         return
-    order = [found.markers.index(marker) for marker in TARGETS[: len(found.markers)]]
+    order = [found.markers.index(marker) for marker in TARGETS] if len(found.markers) > 1 else [0]
     if holds == "targets":
         np.testing.assert_allclose(found.position[:, order], X, rtol=0, atol=1e-12)
         return
     np.testing.assert_allclose(found.wrench[:, 2], -WEIGHT, rtol=0, atol=1e-9)
     if holds in ("pairs", "pairs twice", "plan"):
+        places = np.tile(X[:, : len(order)], (times, 1, 1))
         np.testing.assert_allclose(found.before[:, order], places, rtol=0, atol=1e-12)
         np.testing.assert_allclose(found.after[:, order], places + DOWN, rtol=0, atol=1e-12)
         return
