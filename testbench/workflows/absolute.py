@@ -59,7 +59,7 @@ from testbench.identify.observability import (
 )
 from testbench.identify.posterior import ArmModel, Posterior
 from testbench.identify.prior import cad_prior
-from testbench.identify.registration import MIN_REGISTRATION_POSES, NOMINAL_TARGET_DEVIATION
+from testbench.identify.registration import MIN_REGISTRATION_POSES, NOMINAL_TARGET_DEVIATION, Frame
 from testbench.model.load import read_body_masses
 from testbench.model.structure import BEAM_ENTRIES
 from testbench.model.vjm import Vjm
@@ -265,52 +265,52 @@ def hidden_geometry(calibrated: Calibrated) -> str:
     return describe(why, calibrated.calibration.state.vjm.arm, calibrated.series[0].joint_columns).sentence
 
 
+BY_ANOTHER_SERIES = "another series with the same target or frame determines it"
+BY_PRIOR = {
+    "mount": (
+        "its tool turns too little, so the places of its targets on the tool and of the frame cannot be "
+        "separated",
+        f"a prior holds the targets where the arm's folder has them, else at the tool, within "
+        f"{1e3 * NOMINAL_TARGET_DEVIATION:.0f} mm; predictions of other orientations depend on it",
+    ),
+    "frame": (
+        "a turn of its frame about the line of its positions is not determined",
+        f"a prior holds the frame upright, within {np.degrees(LEVEL_DEVIATION):.1f} degrees",
+    ),
+}
+"""What readings do not determine, and what then holds it."""
+
+
 def of_held(calibration: Calibration) -> list[str]:
     """Say what every series leaves open of its frame and mount, and what holds it."""
-    vjm = calibration.state.vjm
     every = calibration.active_unknowns.unknowns.undetermined_frames
     words = []
     for series in calibration.series:
         if series.distance is not None:
-            off, turn, found = deviation_from_stated(series, calibration.state.frame(series))
-            place = f"found at {', '.join(f'{x:.4f}' for x in found)} m, {1e3 * off:.1f} mm"
-            if series.plane_normal is None:
-                zero = calibration.state.frame(series).distance_offset
-                place = f"its fixed point is {place} from where it is stated"
-                place += (
-                    f", and {1e3 * zero:.3f} mm are subtracted from its distances"
-                    if series.distance_offset_sigma
-                    else ""
-                )
-                unseen = "distances do not determine the turn of the base about this point"
-            else:
-                place = f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated"
-                unseen = "heights do not determine the base along this plane, nor its turn about the normal"
-                normals = calibration.active_unknowns.unknowns.plane_normals[series.frame]
-                if np.linalg.matrix_rank(normals) == len(found):  # the others show what this one does not
-                    unseen = f"it is a face of the block {series.frame!r}, and the fit moves the whole block"
-            words.append(f"{series.name}: {place}; {unseen}")
-        alone = undetermined_frames(vjm, (series,))
-        mount = f"mount {series.mount}"
-        frame = f"frame {series.frame}"
-        names = ", ".join(series.markers)
-        if mount in alone:
-            known = {*series.markers} <= {*vjm.arm.markers}
-            drawn = "where the arm's folder has them" if known else "at the tool"
-            by = (
-                f"a prior holds the targets {drawn}, within {1e3 * NOMINAL_TARGET_DEVIATION:.0f} mm; "
-                "predictions of other orientations depend on it"
-            )
-            by = by if mount in every else "another series with the same target or frame determines it"
-            open_ = f"the places of {names} on the tool and of the frame cannot be separated"
-            words.append(f"{series.name}: its tool turns too little, so {open_}: {by}")
-        if frame in alone:
-            by = f"a prior holds the frame upright, within {np.degrees(LEVEL_DEVIATION):.1f} degrees"
-            by = by if frame in every else "another series with the same target or frame determines it"
-            words.append(
-                f"{series.name}: a turn of its frame about the line of its positions is not determined: {by}"
-            )
+            words.append(f"{series.name}: {_found_place(series, calibration.state.frame(series))}")
+        alone = undetermined_frames(calibration.state.vjm, (series,))
+        for key, (open_, held) in BY_PRIOR.items():
+            name = f"{key} {getattr(series, key)}"
+            if name in alone:
+                words.append(f"{series.name}: {open_}: {held if name in every else BY_ANOTHER_SERIES}")
     return words
+
+
+def _found_place(series: Series, frame: Frame) -> str:
+    """Say where the fixed point or plane of distances was found, and what they do not determine."""
+    off, turn, found = deviation_from_stated(series, frame)
+    place = f"found at {', '.join(f'{x:.4f}' for x in found)} m, {1e3 * off:.1f} mm"
+    if series.plane_normal is not None:
+        return (
+            f"its plane is {place} and {np.degrees(turn):.2f} deg from where it is stated; these heights "
+            "alone do not determine the base along this plane, nor its turn about the normal"
+        )
+    constant = f"{1e3 * frame.distance_offset:.3f} mm are subtracted from its distances; "
+    return (
+        f"its fixed point is {place} from where it is stated; "
+        f"{constant if series.distance_offset_sigma else ''}these distances alone do not determine the turn "
+        "of the base about this point"
+    )
 
 
 def of_masses(mass_fit: MassFit) -> str:

@@ -352,7 +352,7 @@ def test_planes_and_constants_are_read_back_and_faces_of_a_block_share_a_frame(k
     with pytest.raises(BenchError, match="frame 'd block': expected one fixed point, got planes and"):
         calibrate(kr500.vjm, [*again[:2], mixed], cad_prior(kr500.arm))
     known = replace(again[3], distance_offset_sigma=0.0, distance=mixed.distance)
-    with pytest.raises(BenchError, match="and a constant within 1 m and"):
+    with pytest.raises(BenchError, match="with constants within 1 m and 0 m"):
         calibrate(kr500.vjm, [again[3], known], cad_prior(kr500.arm))
 
 

@@ -168,14 +168,17 @@ MISTAKES = {
     "millimetres": (positions(lambda p: 1e3 * p), "are 1000 times too large: milli"),
     "sign of joint 2": (flipped(1), "fit if shoulder_lift_joint has the other sign"),
     "zero of joint 4": (joints(lambda q: q + np.pi * np.eye(6)[3]), "wrist_1_joint is off by 180 deg"),
-    "two exchanged": (joints(lambda q: q[:, [0, 1, 3, 2, 4, 5]]), "elbow_joint and wrist_1_joint are exch"),
+    "two exchanged": (
+        joints(lambda q: q[:, [0, 1, 3, 2, 4, 5]]),
+        "shoulder_lift_joint, wrist_1_joint, elbow_joint",
+    ),
     "pose before": (joints(lambda q: np.roll(q, -1, axis=0)), "are those of the pose before"),
     "all mixed": (
         joints(lambda q: q[:, [3, 5, 0, 4, 2, 1]]),
         "wrist_1_joint, wrist_3_joint, shoulder_pan_jo",
     ),
     "joint 3 counts joint 2": (counting(2, 1), "elbow_joint is the file's elbow_joint - shoulder_lift_joint"),
-    "opposite order": (joints(lambda q: q[:, ::-1]), "opposite order"),
+    "opposite order": (joints(lambda q: q[:, ::-1]), "file is wrist_3_joint, wrist_2_joint"),
     "sign of y alone": (lambda s: position_only(positions(lambda p: p * [1, -1, 1])(s)), MIRRORED),
     "extrinsic angles": (notation("xyz", "XYZ"), "extrinsic xyz instead of intrinsic xyz"),
     "transposed": (

@@ -822,18 +822,21 @@ def with_targets(series: Series, markers: tuple[str, ...]) -> Series:
     """
     if markers == series.markers:
         return series
-    there = [k for k, name in enumerate(markers) if name in series.markers]
-    columns = [series.markers.index(markers[k]) for k in there]
-    position = np.zeros((series.n_rows, len(markers), 3))
-    distance = None
-    if series.distance is not None:
-        distance = np.zeros((series.n_rows, len(markers)))
-        distance[:, there] = series.distance[:, columns]
-    precision = np.zeros((series.n_rows, len(markers), 3, 3))
-    position[:, there] = series.position[:, columns]
-    precision[:, there] = (
-        np.eye(3) / series.sigma**2 if series.precision is None else series.precision[:, columns]
+    # The column of every target; that of a target that the series lacks is behind the last one, zero.
+    column = [
+        series.markers.index(name) if name in series.markers else len(series.markers) for name in markers
+    ]
+
+    def select(readings: Array) -> Array:
+        return np.concatenate([readings, np.zeros_like(readings[:, :1])], axis=1)[:, column]
+
+    precision = series.precision
+    if precision is None and not set(markers) <= set(series.markers):
+        precision = np.tile(np.eye(3) / series.sigma**2, (*series.position.shape[:2], 1, 1))
+    return replace(
+        series,
+        markers=markers,
+        position=select(series.position),
+        precision=None if precision is None else select(precision),
+        distance=None if series.distance is None else select(series.distance),
     )
-    whole = series.precision is None and len(there) == len(markers)
-    P = None if whole else precision
-    return replace(series, markers=markers, position=position, precision=P, distance=distance)

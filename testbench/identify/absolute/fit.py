@@ -235,25 +235,15 @@ def _check_points(series: Sequence[Series]) -> None:
 
     Planes of one frame are faces of one block.
     """
-    fixed: dict[str, str] = {}
+    fixed: dict[str, tuple[object, float]] = {}
     for readings in series:
-        stated = (
-            "positions"
-            if readings.fixed_point is None
-            else str(readings.fixed_point)
-            if readings.plane_normal is None
-            else "planes"
-        )
-        stated += (
-            f" and a constant within {readings.distance_offset_sigma:g} m"
-            if readings.distance_offset_sigma
-            else ""
-        )
+        place = "planes" if readings.plane_normal is not None else readings.fixed_point or "positions"
+        stated = place, readings.distance_offset_sigma
         known = fixed.setdefault(readings.frame, stated)
         if known != stated:
-            both = f"{known} and {stated}"
             raise BenchError(
-                f"{readings.name}: frame {readings.frame!r}: expected one fixed point, got {both}"
+                f"{readings.name}: frame {readings.frame!r}: expected one fixed point, got {known[0]} and "
+                f"{place}, with constants within {known[1]:g} m and {stated[1]:g} m"
             )
 
 

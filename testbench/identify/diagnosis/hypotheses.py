@@ -40,6 +40,7 @@ from testbench.identify.diagnosis.kinematics import (
     any_component_above,
     any_vector_longer_than,
     cauchy_loss,
+    exchanged_order,
     find_row_shift,
     fit_kinematics,
     likely_joint_orders,
@@ -74,8 +75,6 @@ MIN_TRACKER_DISTANCE, MAX_TARGET_DISTANCE = 0.5, 0.1
 MIN_OUTLIER_RATIO = 8.0
 #: Largest distance of a load point from the tool, over the arm's reach [1]; beyond it the unit is wrong.
 MAX_LOAD_POINT_DISTANCE = 1.0
-#: Share of loaded readings equal to unloaded ones above which the sentence lists no runs [1].
-MAX_LISTED_EQUAL_SHARE = 0.5
 MIN_AGAINST_FORCE_SHARE = 0.8  #: Least share of runs whose targets move against the force [1].
 PRIOR_FORCE_OFFSET_SHARE, MIN_FORCE_OFFSET_SHARE = 0.1, 0.045
 """Prior deviation, and least size, of a constant force that is missing in all loads, over the largest [1]."""
@@ -115,20 +114,12 @@ def _equal(submission: Submission) -> Iterator[Correction[Submission]]:
     loaded = np.asarray(data.wrench.any(axis=1))[:, None] & data.is_measured
     still = np.asarray(loaded & (data.deflection == 0).all(axis=2))
     if still.any():
-        runs = (
-            []
-            if still.sum() > MAX_LISTED_EQUAL_SHARE * loaded.sum()
-            else data.run_id[still.any(axis=1)].tolist()
-        )
-        yield Correction(tuple(map(str, runs)), details={"count": int(still.sum()), "of": int(loaded.sum())})
+        first = str(data.run_id[still.any(axis=1)][0])
+        yield Correction((first,), details={"count": int(still.sum()), "of": int(loaded.sum())})
 
 
 def _equal_sentence(issue: Issue, _: Arm) -> str:
-    where = f"run {', '.join(issue.where[:5])}{' ...' * (len(issue.where) > 5)}"
-    return (
-        "loaded and unloaded readings are equal in "
-        f"{where if issue.where else _count_text(issue) + ' readings'}"
-    )
+    return f"loaded and unloaded readings are equal, {_count_text(issue)}, the first in run {issue.where[0]}"
 
 
 def _count_text(issue: Issue) -> str:
@@ -157,15 +148,7 @@ def _against(data: Dataset) -> Iterator[Correction[Dataset]]:
     work = np.einsum("rx,rmx->r", force, np.where(data.is_measured[..., None], data.deflection, 0))
     against, pushed = int((work < 0).sum()), int(force.any(axis=1).sum())  # others turn by a moment alone
     if against and against >= MIN_AGAINST_FORCE_SHARE * pushed:
-        along = np.abs(force[:, :2]).max() < np.abs(force[:, 2]).max() / 10
-        upwards = bool((force[:, 2] > 0).mean() > 1 / 2 and along)
-        yield Correction(details={"count": against, "of": pushed, "upwards": upwards})
-
-
-def _against_sentence(issue: Issue, _: Arm) -> str:
-    hint = "are before and after exchanged, or is the force's sign wrong?"
-    hint = "the force points up: is its sign wrong?" if issue.details["upwards"] else hint
-    return f"in {_count_text(issue)} runs the targets move against the force: {hint}"
+        yield Correction(details={"count": against, "of": pushed})
 
 
 # --- By registration: a frame too near for a tracker, targets far from their nominal positions --------------
@@ -330,7 +313,7 @@ def _best_exchange(observations: Observations) -> tuple[int, ...]:
     change = pairs + pairs.T - unexchanged - unexchanged[:, None]
     change[np.diag_indices(m)] = np.inf
     i, j = divmod(int(change.argmin()), m)
-    return tuple(j if k == i else i if k == j else k for k in range(m))
+    return tuple(exchanged_order(m, i, j))
 
 
 def _markers_sentence(issue: Issue, _: Arm) -> str:
@@ -417,16 +400,6 @@ def _joint_order(observations: Observations) -> KinematicCorrections:
         yield _alternative(replace(observations, q=observations.q[:, order]), where)
 
 
-def _joint_order_sentence(issue: Issue, arm: Arm) -> str:
-    order, names = list(issue.where), [joint.name for joint in arm.joints]
-    moved = [name for name, usual in zip(order, names, strict=True) if name != usual]
-    if len(moved) == 2:
-        return f"fit if {moved[1]} and {moved[0]} are exchanged"
-    if order == names[::-1]:
-        return "fit if the joints come in the opposite order"
-    return f"fit if the joint order in the file is {', '.join(order)}"
-
-
 def _axes(observations: Observations) -> KinematicCorrections:
     """Try positions with one axis reversed, or two exchanged; only orientations can show it."""
     if observations.rotation is None:
@@ -438,9 +411,9 @@ def _axes(observations: Observations) -> KinematicCorrections:
         )
         yield _alternative(flipped, (name,))
     for i, j in combinations(range(3), 2):
-        order = np.arange(3)
-        order[[i, j]] = j, i
-        exchanged = observations.with_orientations(position[..., order], observations.rotation)
+        exchanged = observations.with_orientations(
+            position[..., exchanged_order(3, i, j)], observations.rotation
+        )
         yield _alternative(exchanged, ("xyz"[i], "xyz"[j]))
 
 
@@ -815,7 +788,11 @@ HYPOTHESES = Hypotheses(
         Hypothesis("order", _order, _order_sentence),
         Hypothesis("joint_sign", _joint_sign, lambda issue, _: f"fit if {issue.where[0]} has the other sign"),
         Hypothesis("joint_coupling", _joint_coupling, _joint_coupling_sentence),
-        Hypothesis("joint_order", _joint_order, _joint_order_sentence),
+        Hypothesis(
+            "joint_order",
+            _joint_order,
+            lambda issue, _: f"fit if the joint order in the file is {', '.join(issue.where)}",
+        ),
         Hypothesis("notation", _notation, _notation_sentence),
         Hypothesis("axes", _axes, _axes_sentence),
     ),
@@ -823,7 +800,14 @@ HYPOTHESES = Hypotheses(
         Hypothesis("pose", partial(_off_poses, whole_poses=True), _pose_sentence),
         Hypothesis("reading", partial(_off_poses, whole_poses=False), _reading_sentence),
     ),
-    force_work=(Hypothesis("sign", _against, _against_sentence),),
+    force_work=(
+        Hypothesis(
+            "sign",
+            _against,
+            lambda issue, _: f"in {_count_text(issue)} runs the targets move against the force",
+            "are before and after exchanged, or is the force's sign wrong?",
+        ),
+    ),
     loads=LoadHypotheses(
         mounting=(Hypothesis("mounting", _mounting, _mounting_sentence, min_gain=MIN_GAIN_OF_ALL_LOADS),),
         other_loads=(
@@ -894,13 +878,13 @@ def _scale_sentence(issue: Issue, arm: Arm) -> str:
             f"is {largest:.4g} mm, {issue.where[0]} in run {issue.where[1]}, the median {median:.4g} mm: "
             "is that reading wrong, or do loaded readings belong to other runs?"
         )
-    hint = "forces in another unit, a lighter load, or a folder too soft?"
-    if factor > 1:
-        hint = "forces in kg instead of N (9.81 times), in kN, a heavier load, or a folder too stiff?"
-    times = f"{factor:,.0f}" if factor > 100 else f"{factor:.3g}"
     stated = "" if arm.payload is None else f" (payload {arm.payload:.4g} kg)"
-    words = f"the readings are {times} times what the arm's folder predicts under loads up to "
-    return f"{words}{issue.details['force']:,.5g} N{stated}: {hint}"
+    times = f"{factor:,.0f}" if factor > 100 else f"{factor:.3g}"
+    return (
+        f"the readings are {times} times what the arm's folder predicts under loads up to "
+        f"{issue.details['force']:,.5g} N{stated}: forces in another unit (1 kg is 9.81 N), another load, or "
+        "a folder too stiff or too soft?"
+    )
 
 
 SENTENCES_WITHOUT_HYPOTHESIS: Mapping[str, Callable[[Issue, Arm], str]] = {

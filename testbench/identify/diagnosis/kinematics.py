@@ -652,7 +652,9 @@ def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
     if n <= MAX_PERMUTED_JOINTS:
         every = np.array(list(permutations(range(n)))[1:], dtype=int).reshape(-1, n)
     else:
-        every = np.array([np.arange(n)[::-1], *(_exchange(n, *pair) for pair in combinations(range(n), 2))])
+        every = np.array(
+            [np.arange(n)[::-1], *(exchanged_order(n, *pair) for pair in combinations(range(n), 2))]
+        )
     rows = np.flatnonzero(observations.is_measured.any(axis=1))
     rows = rows[evenly_spaced(len(rows), SCREENED_ROWS)]
     parts = np.array_split(every, -(-len(every) // MAX_JOINT_ORDERS_IN_MEMORY)) if len(every) else []
@@ -660,7 +662,14 @@ def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
     yield from every[np.argsort(cost, kind="stable")[:MAX_FITTED_JOINT_ORDERS]]
 
 
-def _exchange(n: int, i: int, j: int) -> Ids:
+def exchanged_order(n: int, i: int, j: int) -> Ids:
+    """Return the order of n things in which i and j are exchanged, (n,).
+
+    Args:
+        n: Number of things.
+        i: Index of one of them.
+        j: Index of another.
+    """
     order = np.arange(n)
     order[[i, j]] = j, i
     return order
