@@ -16,12 +16,14 @@ from testbench.data.dataset import Series, select_rows
 from testbench.errors import Array, BenchError, Ids, InputError, sheet_of, stem_of
 from testbench.files.read_series import read_series
 from testbench.identify.absolute.align import (
+    LEVEL_DEVIATION,
     Misfit,
     align_all,
     deviation_from_stated,
     distance_from_known_frame,
     position_residual_lengths,
     underdetermined_reason,
+    undetermined_frames,
 )
 from testbench.identify.absolute.choose import MassFit, fit_link_masses
 from testbench.identify.absolute.fit import (
@@ -41,13 +43,7 @@ from testbench.identify.absolute.posterior import (
     register_with_known_frame,
     structural_directions,
 )
-from testbench.identify.absolute.state import (
-    LEVEL_DEVIATION,
-    Unknowns,
-    nominal_state,
-    torque_scale,
-    undetermined_frames,
-)
+from testbench.identify.absolute.state import Unknowns, nominal_state, torque_scale
 from testbench.identify.diagnosis.diagnose import explain_unregistered_series
 from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
@@ -559,9 +555,11 @@ def _listed(names: Iterable[str]) -> str:
     for name in dict.fromkeys(names):
         subject, _, order = name.partition(ERROR)
         orders.setdefault(subject, []).extend([order] if order else [])
-    return ", ".join(
-        f"{subject}{ERROR}{', '.join(own)}" if own else subject for subject, own in orders.items()
-    )
+    listed = {
+        subject: ", ".join(sorted(own, key=lambda order: int(order.split()[0])))
+        for subject, own in orders.items()
+    }
+    return ", ".join(f"{subject}{ERROR}{own}" if own else subject for subject, own in listed.items())
 
 
 def _range_text(numbers: Sequence[float], digits: int) -> str:

@@ -45,14 +45,9 @@ from testbench.design.rows import (
 )
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, Mask, PoseError, check_type
-from testbench.identify.absolute.align import stated_frame
+from testbench.identify.absolute.align import stated_frame, unknowns_of
 from testbench.identify.absolute.posterior import further_information
-from testbench.identify.absolute.state import (
-    Mount,
-    nominal_state,
-    unknowns_of,
-    with_error_terms,
-)
+from testbench.identify.absolute.state import Mount, nominal_state, with_error_terms
 from testbench.identify.posterior import ArmModel
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import MIN_REGISTRATION_POSES, Frame

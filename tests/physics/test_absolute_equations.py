@@ -19,6 +19,7 @@ from testbench.identify.absolute.align import (
     mean_stated_variances,
     repeated_rows,
     single_reading_noise,
+    unknowns_of,
     whitening_matrices,
 )
 from testbench.identify.absolute.choose import predictive_deviance
@@ -49,7 +50,6 @@ from testbench.identify.absolute.state import (
     nominal_state,
     series_equilibrium,
     shift_fourier_coefficients,
-    unknowns_of,
 )
 from testbench.identify.equations import series_equations
 from testbench.identify.hierarchy import STUDENT_DOF, STUDENT_SCALE, solve_normal_equations

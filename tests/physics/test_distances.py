@@ -10,16 +10,10 @@ from testbench.data.dataset import Series, select_rows
 from testbench.errors import BenchError
 from testbench.files.read_series import read_series
 from testbench.files.write import write_series
-from testbench.identify.absolute.align import align_all, estimate_model_error, residuals
+from testbench.identify.absolute.align import align_all, estimate_model_error, residuals, unknowns_of
 from testbench.identify.absolute.evidence import moved_mount
 from testbench.identify.absolute.fit import CalibrationOptions, calibrate
-from testbench.identify.absolute.state import (
-    Mount,
-    moved_frame,
-    nominal_state,
-    series_equilibrium,
-    unknowns_of,
-)
+from testbench.identify.absolute.state import Mount, moved_frame, nominal_state, series_equilibrium
 from testbench.identify.equations import distance_directions, series_equations
 from testbench.identify.prior import cad_prior
 from testbench.identify.registration import Frame

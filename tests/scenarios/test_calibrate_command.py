@@ -16,9 +16,9 @@ from strangers import write_stl
 
 import testbench as tb
 from testbench.arm.folder import load_arm
-from testbench.identify.absolute.align import align_all, residuals
+from testbench.identify.absolute.align import align_all, residuals, unknowns_of
 from testbench.identify.absolute.posterior import RegisteredSeries, predict_series, without_frame_and_mount
-from testbench.identify.absolute.state import nominal_state, unknowns_of
+from testbench.identify.absolute.state import nominal_state
 from testbench.identify.equations import series_equations
 from testbench.identify.posterior import Posterior
 from testbench.plant.build import build_plant

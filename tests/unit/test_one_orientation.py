@@ -9,9 +9,9 @@ from testbench.correct.compensated import solve_inverse_kinematics
 from testbench.correct.newton import Target
 from testbench.data.dataset import select_rows
 from testbench.errors import BenchError
-from testbench.identify.absolute.align import align_all, residuals
+from testbench.identify.absolute.align import align_all, fit_upright_frame, residuals, undetermined_frames
 from testbench.identify.absolute.fit import CalibrationOptions
-from testbench.identify.absolute.state import fit_upright_frame, nominal_state, undetermined_frames
+from testbench.identify.absolute.state import nominal_state
 from testbench.model.load import read_body_masses
 from testbench.model.vjm import tool_poses
 from testbench.workflows.absolute import calibrate_with_masses, position_errors

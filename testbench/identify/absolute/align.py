@@ -8,6 +8,12 @@ sigma^2 + k s^2, and by k - 1 differences with variance sigma^2 (Helmert's trans
 `align_all` finds frames and mounts by the nominal arm. `identify.registration` needs no nominal targets, so a
 mount may be rotated by any angle. Frames and mounts that several series share are determined once. Targets
 are matched by name; a target that a series lacks counts as not read there.
+
+A target m on the tool is read at R_s (R_r m + p_r) + t_s. If the tool keeps one orientation R_r, along a line
+or a surface, only the sum of R_s R_r m and t_s matters: three directions of frame and mount change no
+reading. If the line is straight, neither does a rotation of the frame about it. `undetermined_frames` finds
+such frames and mounts, and a prior determines them. Another series of the same mount or frame, in which the
+tool rotates, makes the prior unnecessary.
 """
 
 from collections.abc import Sequence
@@ -21,14 +27,19 @@ from testbench.identify.absolute.state import (
     MAX_ROWS_IN_MEMORY,
     ArmState,
     Mount,
-    fit_upright_frame,
+    Unknowns,
     moved_frame,
+    nominal_state,
     series_equilibrium,
-    undetermined_frames,
 )
 from testbench.identify.base_frame import MAX_NOMINAL_DISTANCE
 from testbench.identify.diagnosis.kinematics import Issue
-from testbench.identify.equations import distance_directions, series_residuals, undeflected_arm
+from testbench.identify.equations import (
+    distance_directions,
+    series_equations,
+    series_residuals,
+    undeflected_arm,
+)
 from testbench.identify.registration import (
     ASSUMED_NOISE,
     MIN_REGISTRATION_POSES,
@@ -37,6 +48,8 @@ from testbench.identify.registration import (
     Frame,
     FramesAndTargets,
     HuberLoss,
+    kabsch,
+    largest_deviation,
     mean_readings,
     median_tool_distance,
     moving_joints,
@@ -44,6 +57,9 @@ from testbench.identify.registration import (
     register,
 )
 from testbench.identify.registration import registration_residuals as left_by
+from testbench.model.kinematics import JointErrorTerms
+from testbench.model.load import massless_bodies
+from testbench.model.structure import Structure, joints_only
 from testbench.model.vjm import Vjm, tool_poses
 
 # --- Residuals of readings, and their noise about a state ---------------------------------------------------
@@ -316,6 +332,132 @@ def equation_deviations(noise: Noise, stated_variances: Array, repetitions: floa
     """
     model_error = np.array([noise.position_model_error, noise.rotation_model_error])
     return np.asarray(np.sqrt(np.r_[stated_variances + repetitions * model_error**2, stated_variances]))
+
+
+# --- Unknowns of readings; frames and mounts that these cannot separate, which a prior then determines ------
+
+MAX_EVALUATED_ROWS = 300
+"""Most rows of a series that are evaluated, evenly spaced."""
+WIDE_PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
+"""Wide prior standard deviations of a target [m], of rotations [rad], and of the origin of a frame [m]."""
+LEVEL_DEVIATION = 0.05
+"""Standard deviation of a tracker's tilt from upright, and largest standard deviation of a frame's rotation
+that counts as determined [rad]."""
+
+
+def unknowns_of(
+    vjm: Vjm, series: Sequence[Series], error_terms: JointErrorTerms, structure: Structure
+) -> Unknowns:
+    """List all unknowns of a calibration from given series.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: The readings, which determine the frames and mounts.
+        error_terms: Kinds of joint errors.
+        structure: Structure of the compliances.
+    """
+    held = undetermined_frames(vjm, series)
+    return replace(
+        _all_determined(vjm, series), error_terms=error_terms, structure=structure, undetermined_frames=held
+    )
+
+
+def _all_determined(vjm: Vjm, series: Sequence[Series]) -> Unknowns:
+    """List frames, mounts, geometry and compliances of joints, as if readings determined all frames."""
+    mounts: dict[str, tuple[int, bool]] = {}
+    fixed: dict[str, tuple[float, ...]] = {}
+    normals: dict[str, tuple[tuple[float, float, float], ...]] = {}
+    for readings in series:
+        turned = readings.rotation is not None or mounts.get(readings.mount, (0, False))[1]
+        mounts[readings.mount] = len(readings.markers), turned
+        if (sizes := readings.frame_deviations) is not None:  # of faces of one block the largest
+            fixed[readings.frame] = tuple(map(max, sizes, fixed.get(readings.frame, sizes)))
+        if readings.plane_normal is not None:
+            normals[readings.frame] = (*normals.get(readings.frame, ()), readings.plane_normal)
+    return Unknowns(
+        vjm,
+        tuple(dict.fromkeys(readings.frame for readings in series)),
+        mounts,
+        JointErrorTerms(),
+        joints_only(vjm.arm),
+        frame_deviations=fixed,
+        plane_normals=normals,
+    )
+
+
+def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
+    """Find the frames and mounts that absolute readings leave undetermined, for the nominal geometry.
+
+    A mount is undetermined if the standard deviation of a target exceeds `NOMINAL_TARGET_DEVIATION`, a frame
+    if that of its rotation exceeds `LEVEL_DEVIATION`.
+
+    Mathematics: `abs-7`.
+
+    Args:
+        vjm: The arm's virtual joint model.
+        series: All readings; they may share frames and mounts.
+
+    Returns:
+        Their names, as "frame NAME" and "mount NAME".
+    """
+    unknowns = _all_determined(vjm, series)
+    first, placed = unknowns.first_columns, unknowns.first_columns["geometry"]
+    # Wide priors; that of a fixed point or plane holds what readings leave open.
+    deviation = np.full(placed, WIDE_PRIOR_DEVIATIONS[0])
+    for name, (m, turned) in unknowns.mounts.items():
+        deviation[first[f"mount {name}"] + 3 * m :][: 3 * turned] = WIDE_PRIOR_DEVIATIONS[1]
+    for name in unknowns.frames:
+        sizes = unknowns.frame_deviations.get(name)
+        _, turn, shift = WIDE_PRIOR_DEVIATIONS
+        if sizes is not None:
+            turn, shift = min(sizes[3] or LEVEL_DEVIATION, LEVEL_DEVIATION / 2), sizes[0]
+        deviation[unknowns.columns(f"frame {name}")] = [*[shift] * 3, *[turn] * 3, *(sizes or ())[6:]]
+    # Information of all readings, of targets at the tool of the rigid arm.
+    rigid = nominal_state(vjm, massless_bodies(vjm.arm), np.ones(vjm.arm.n_joints))
+    M = np.zeros((placed, placed))
+    M[np.diag_indices(placed)] = deviation**-2.0
+    for readings in series:
+        seen = np.flatnonzero(readings.is_measured.any(axis=1))
+        rows = select_rows(readings, seen[evenly_spaced(len(seen), MAX_EVALUATED_ROWS)])
+        mount = Mount(np.zeros((len(rows.markers), 3)), np.eye(3), rows.markers)
+        state = replace(rigid, frames={rows.frame: stated_frame(rows)}, mounts={rows.mount: mount})
+        A = series_equations(unknowns, state, rows)[:, :, :placed] / ASSUMED_NOISE
+        M += np.tensordot(A, A, ((0, 1, 3), (0, 1, 3)))
+    covariance: Array = np.asarray(np.linalg.inv(M), dtype=float)
+
+    def spread(start: int) -> float:
+        """Compute the largest standard deviation of the three unknowns from a column on."""
+        return largest_deviation(covariance[start : start + 3, start : start + 3])
+
+    undetermined = {
+        f"frame {name}" for name in unknowns.frames if spread(first[f"frame {name}"] + 3) > LEVEL_DEVIATION
+    }
+    for readings in series:  # a target that was never read has no information
+        name = f"mount {readings.mount}"
+        targets = first[name] + 3 * np.flatnonzero(readings.is_measured.any(axis=0))
+        if any(spread(k) > NOMINAL_TARGET_DEVIATION for k in targets.tolist()):
+            undetermined.add(name)
+    return frozenset(undetermined)
+
+
+def fit_upright_frame(points: Array, measured: Array) -> Frame:
+    """Fit a frame to points by least squares (Kabsch); it is upright where the points do not determine it.
+
+    Two further points along the vertical count as much as a direction known to `LEVEL_DEVIATION`, if the
+    readings are known to `ASSUMED_NOISE`.
+
+    Args:
+        points: Points in base axes, (n, 3) [m].
+        measured: Measured positions of these points in tracker axes, (n, 3) [m].
+
+    Returns:
+        The frame, tracker from base.
+    """
+    up = (ASSUMED_NOISE / LEVEL_DEVIATION) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
+    R, _ = kabsch(
+        np.vstack([points - points.mean(axis=0), up]), np.vstack([measured - measured.mean(axis=0), up])
+    )
+    return Frame(R, measured.mean(axis=0) - R @ points.mean(axis=0))
 
 
 # --- Initial frame and mount of a series from the nominal arm and the series' positions and orientations ----

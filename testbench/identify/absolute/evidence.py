@@ -18,16 +18,8 @@ from scipy.linalg import solve_triangular
 from testbench.data.dataset import Series
 from testbench.errors import Array, BenchError, Ids
 from testbench.identify import hierarchy
-from testbench.identify.absolute.align import Noise, estimate_model_error
-from testbench.identify.absolute.state import (
-    LEVEL_DEVIATION,
-    PERIODIC_ERROR_KINDS,
-    ArmState,
-    Mount,
-    Unknowns,
-    moved_frame,
-    unknowns_of,
-)
+from testbench.identify.absolute.align import LEVEL_DEVIATION, Noise, estimate_model_error, unknowns_of
+from testbench.identify.absolute.state import PERIODIC_ERROR_KINDS, ArmState, Mount, Unknowns, moved_frame
 from testbench.identify.estimate import Constraint, Estimate
 from testbench.identify.hierarchy import (
     STUDENT_SCALE,

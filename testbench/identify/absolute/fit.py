@@ -24,6 +24,7 @@ from testbench.identify.absolute.align import (
     mean_stated_variances,
     robust_weights,
     single_reading_noise,
+    unknowns_of,
     with_common_targets,
 )
 from testbench.identify.absolute.choose import (
@@ -52,7 +53,6 @@ from testbench.identify.absolute.state import (
     Unknowns,
     nominal_state,
     torque_scale,
-    unknowns_of,
     with_error_terms,
 )
 from testbench.identify.diagnosis.kinematics import (

@@ -23,10 +23,11 @@ from testbench.identify.absolute.align import (
     residuals,
     robust_whitening,
     underdetermined_reason,
+    unknowns_of,
     whitening_matrices,
 )
 from testbench.identify.absolute.evidence import default_error_scales, moved_mount
-from testbench.identify.absolute.state import MAX_ROWS_IN_MEMORY, ArmState, Unknowns, moved_frame, unknowns_of
+from testbench.identify.absolute.state import MAX_ROWS_IN_MEMORY, ArmState, Unknowns, moved_frame
 from testbench.identify.equations import series_equations
 from testbench.identify.posterior import ArmModel, Posterior
 

@@ -8,12 +8,6 @@ All errors are motions of virtual joints. Constants theta_0 of the inner links a
 place of the first and the last link, each series has a frame (base in the tracker's frame) and a mount
 (targets in the tool's frame).
 
-A target m on the tool is read at R_s (R_r m + p_r) + t_s. If the tool keeps one orientation R_r, along a line
-or a surface, only the sum of R_s R_r m and t_s matters: three directions of frame and mount change no
-reading. If the line is straight, neither does a rotation of the frame about it. `undetermined_frames` finds
-such frames and mounts, and a prior determines them. Another series of the same mount or frame, in which the
-tool rotates, makes the prior unnecessary.
-
 Gears or encoders of one make share an error pattern, shifted or mirrored:
 
     error_j(q) = s_j f(s_j q + phi_j) + individual error of joint j,    s_j = 1 or -1
@@ -34,20 +28,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from testbench.data.dataset import Series, evenly_spaced
+from testbench.data.dataset import Series
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, NoEquilibrium
 from testbench.identify.registration import (
-    ASSUMED_NOISE,
-    NOMINAL_TARGET_DEVIATION,
     Frame,
-    kabsch,
-    largest_deviation,
 )
 from testbench.model.kinematics import ORDER_BANDS, JointErrorTerms, joint_error_basis
 from testbench.model.load import BodyMasses, Load, own_weight_load, sum_generalised_loads
 from testbench.model.structure import Structure
-from testbench.model.vjm import ChainState, Vjm, evaluate_chain, rotation_matrices, tool_poses
+from testbench.model.vjm import ChainState, Vjm, evaluate_chain, rotation_matrices
 
 if TYPE_CHECKING:  # scipy takes long to import, and few arms have a pattern
     from scipy.sparse import csr_array
@@ -296,121 +286,6 @@ def torque_scale(vjm: Vjm, body_masses: BodyMasses, series: tuple[Series, ...]) 
             total += (u[-vjm.arm.n_joints :] ** 2).sum(axis=1)
     scale = np.sqrt(total / sum(readings.n_rows for readings in series))
     return np.where(scale > 1e-6 * scale.max(initial=0), scale, 0.0)
-
-
-# --- Frames and mounts that readings cannot separate, and the prior that then determines them ---------------
-
-MAX_EVALUATED_ROWS = 300
-"""Most rows of a series that are evaluated, evenly spaced."""
-WIDE_PRIOR_DEVIATIONS = 10.0, 1.0, 100.0
-"""Wide prior standard deviations of a target [m], of rotations [rad], and of the origin of a frame [m]."""
-LEVEL_DEVIATION = 0.05
-"""Standard deviation of a tracker's tilt from upright, and largest standard deviation of a frame's rotation
-that counts as determined [rad]."""
-
-
-def undetermined_frames(vjm: Vjm, series: Sequence[Series]) -> frozenset[str]:
-    """Find the frames and mounts that absolute readings leave undetermined, for the nominal geometry.
-
-    A mount is undetermined if the standard deviation of a target exceeds `NOMINAL_TARGET_DEVIATION`, a frame
-    if that of its rotation exceeds `LEVEL_DEVIATION`.
-
-    Mathematics: `abs-7`.
-
-    Args:
-        vjm: The arm's virtual joint model.
-        series: All readings; they may share frames and mounts.
-
-    Returns:
-        Their names, as "frame NAME" and "mount NAME".
-    """
-    frames = tuple(dict.fromkeys(readings.frame for readings in series))
-    mounts: dict[str, int] = {}
-    read: dict[str, set[int]] = {}  # targets of every mount that were ever read: others have no information
-    for readings in series:
-        mounts[readings.mount] = max(len(readings.markers), mounts.get(readings.mount, 0))
-        read.setdefault(readings.mount, set()).update(
-            np.flatnonzero(readings.is_measured.any(axis=0)).tolist()
-        )
-    starts = np.cumsum([6 * len(frames), *(3 * m + 3 for m in mounts.values())])
-    first = dict(zip(mounts, starts.tolist(), strict=False))
-    # Information of all readings about frames, then mounts.
-    M = np.zeros((starts[-1],) * 2)
-    for readings in series:
-        f, m = 6 * frames.index(readings.frame), first[readings.mount]
-        at = np.r_[
-            f : f + 6, m : m + 3 * len(readings.markers), m + 3 * mounts[readings.mount] + np.arange(3)
-        ]
-        J = _rows(vjm, readings)
-        M[np.ix_(at, at)] += J.T @ J / ASSUMED_NOISE**2
-    # Posterior covariance with wide priors.
-    before = np.full(len(M), WIDE_PRIOR_DEVIATIONS[0])
-    for k in range(len(frames)):
-        before[6 * k : 6 * k + 6] = np.repeat(WIDE_PRIOR_DEVIATIONS[1:], 3)
-    for readings in series:
-        if (sizes := readings.frame_deviations) is not None:  # its prior holds what readings leave open
-            f = 6 * frames.index(readings.frame)
-            turn = min(sizes[3] or LEVEL_DEVIATION, LEVEL_DEVIATION / 2)
-            before[f : f + 6] = np.repeat([turn, sizes[0]], 3)
-    for name, m in mounts.items():
-        before[first[name] + 3 * m :][:3] = WIDE_PRIOR_DEVIATIONS[1]
-    covariance = np.linalg.inv(M + np.diag(before**-2.0))
-    turns = [covariance[6 * k :, 6 * k :][:3, :3] for k in range(len(frames))]
-    undetermined = {
-        f"frame {name}"
-        for name, rotation_covariance in zip(frames, turns, strict=True)
-        if largest_deviation(rotation_covariance) > LEVEL_DEVIATION
-    }
-    for name, targets_read in read.items():
-        ends = [first[name] + 3 * k for k in targets_read]
-        if any(largest_deviation(covariance[k : k + 3, k : k + 3]) > NOMINAL_TARGET_DEVIATION for k in ends):
-            undetermined.add(f"mount {name}")
-    return frozenset(undetermined)
-
-
-def _rows(vjm: Vjm, series: Series) -> Array:
-    """Differentiate readings by frame (rotation, origin), targets and rotation of the mount, (e, k)."""
-    seen = np.flatnonzero(series.is_measured.any(axis=1))
-    rows = seen[evenly_spaced(len(seen), MAX_EVALUATED_ROWS)]
-    position, rotation = tool_poses(vjm, series.q[rows])
-    m, n = len(series.markers), len(rows)
-    J = np.zeros((n, m + 1, 3, 6 + 3 * m + 3))
-    for k in range(m):
-        J[:, k, :, :3] = np.cross(np.eye(3), position[:, None]).swapaxes(1, 2)
-        J[:, k, :, 3:6] = np.eye(3)
-        J[:, k, :, 6 + 3 * k : 9 + 3 * k] = rotation
-    J[:, m, :, :3], J[:, m, :, 6 + 3 * m :] = np.eye(3), rotation
-    if series.distance is not None:
-        assert series.fixed_point is not None
-        beam = position - np.array(series.fixed_point)
-        u = beam / np.linalg.norm(beam, axis=1, keepdims=True)
-        if series.plane_normal is None:
-            J[:, :, :, :3] = 0
-        else:
-            u = np.tile(series.plane_normal, (n, 1))
-        J = u[:, None, :, None] * np.einsum("nx,nmxk->nmk", u, J)[:, :, None]
-    there = np.column_stack([series.is_measured[rows], series.is_oriented[rows]])
-    return np.asarray(J[there].reshape(-1, J.shape[3]))
-
-
-def fit_upright_frame(points: Array, measured: Array) -> Frame:
-    """Fit a frame to points by least squares (Kabsch); it is upright where the points do not determine it.
-
-    Two further points along the vertical count as much as a direction known to `LEVEL_DEVIATION`, if the
-    readings are known to `ASSUMED_NOISE`.
-
-    Args:
-        points: Points in base axes, (n, 3) [m].
-        measured: Measured positions of these points in tracker axes, (n, 3) [m].
-
-    Returns:
-        The frame, tracker from base.
-    """
-    up = (ASSUMED_NOISE / LEVEL_DEVIATION) * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]) / np.sqrt(2)
-    R, _ = kabsch(
-        np.vstack([points - points.mean(axis=0), up]), np.vstack([measured - measured.mean(axis=0), up])
-    )
-    return Frame(R, measured.mean(axis=0) - R @ points.mean(axis=0))
 
 
 # --- Error pattern of several joints: gears or encoders of one make share an error, shifted or mirrored -----
@@ -784,42 +659,6 @@ class Unknowns:
         x[self.columns("errors")] = state.error_coefficients.ravel()
         x[self.columns("elastic")] = self.structure.parameters_of(state.C_theta)
         return x
-
-
-def unknowns_of(
-    vjm: Vjm, series: tuple[Series, ...], error_terms: JointErrorTerms, structure: Structure
-) -> Unknowns:
-    """List all unknowns of a calibration from given series.
-
-    Args:
-        vjm: The arm's virtual joint model.
-        series: The readings, which determine the frames and mounts.
-        error_terms: Kinds of joint errors.
-        structure: Structure of the compliances.
-    """
-    mounts: dict[str, tuple[int, bool]] = {}
-    for readings in series:
-        turned = readings.rotation is not None or mounts.get(readings.mount, (0, False))[1]
-        mounts[readings.mount] = len(readings.markers), turned
-    frames = tuple(dict.fromkeys(readings.frame for readings in series))
-    held = undetermined_frames(vjm, series)
-    fixed: dict[str, tuple[float, ...]] = {}
-    normals: dict[str, tuple[tuple[float, float, float], ...]] = {}
-    for readings in series:
-        if (sizes := readings.frame_deviations) is not None:  # of faces of one block the largest
-            fixed[readings.frame] = tuple(map(max, sizes, fixed.get(readings.frame, sizes)))
-        if readings.plane_normal is not None:
-            normals[readings.frame] = (*normals.get(readings.frame, ()), readings.plane_normal)
-    return Unknowns(
-        vjm,
-        frames,
-        mounts,
-        error_terms,
-        structure,
-        undetermined_frames=held,
-        frame_deviations=fixed,
-        plane_normals=normals,
-    )
 
 
 def compliance_unknowns(vjm: Vjm, structure: Structure) -> Unknowns:

@@ -19,7 +19,7 @@ from scipy.special import fdtrc
 
 from testbench.data.dataset import Series, evenly_spaced, select_rows
 from testbench.errors import Array, BenchError, Ids
-from testbench.identify.absolute.align import Noise, robust_whitening, without_unread_targets
+from testbench.identify.absolute.align import Noise, robust_whitening, unknowns_of, without_unread_targets
 from testbench.identify.absolute.evidence import (
     GEOMETRY_ERROR_KINDS,
     WIDE_PRIOR,
@@ -29,7 +29,7 @@ from testbench.identify.absolute.evidence import (
     default_error_scales,
     prior_precision,
 )
-from testbench.identify.absolute.state import ArmState, unknowns_of, with_error_terms
+from testbench.identify.absolute.state import ArmState, with_error_terms
 from testbench.identify.diagnosis.kinematics import Issue, ScoreTest, correct_one_by_one, score_test
 from testbench.identify.equations import series_equations
 from testbench.identify.prior import PriorScaling

@@ -15,7 +15,7 @@ from testbench.data.dataset import Series
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.files.write import series_text
 from testbench.identify.absolute import evidence
-from testbench.identify.absolute.align import Noise
+from testbench.identify.absolute.align import Noise, unknowns_of
 from testbench.identify.absolute.evidence import (
     ErrorScales,
     activate_unknowns,
@@ -31,11 +31,7 @@ from testbench.identify.absolute.fit import (
 )
 from testbench.identify.absolute.fit import CalibrationOptions as Fit
 from testbench.identify.absolute.posterior import RegisteredSeries, inside_ellipsoid, predict_series
-from testbench.identify.absolute.state import (
-    ArmState,
-    unknowns_of,
-    with_error_terms,
-)
+from testbench.identify.absolute.state import ArmState, with_error_terms
 from testbench.identify.equations import series_equations
 from testbench.identify.posterior import Posterior
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
