@@ -663,12 +663,15 @@ def likely_joint_orders(observations: Observations) -> Iterator[Ids]:
 
 
 def exchanged_order(n: int, i: int, j: int) -> Ids:
-    """Return the order of n things in which i and j are exchanged, (n,).
+    """Return the order of n things in which two are exchanged.
 
     Args:
         n: Number of things.
-        i: Index of one of them.
-        j: Index of another.
+        i: Index of one of the two.
+        j: Index of the other.
+
+    Returns:
+        Indices of the things in the new order, (n,).
     """
     order = np.arange(n)
     order[[i, j]] = j, i
