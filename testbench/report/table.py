@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from testbench.runs.rows import Row as Row
 from testbench.runs.rows import finite as finite
+from testbench.runs.rows import nested
 from testbench.runs.spread import Spread, spread, twins_once
 
 Cells = npt.NDArray[Any]
@@ -251,18 +252,6 @@ def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cell
     if (place[ours] < 0).any():
         raise KeyError(f"rows without another one that is alike in {', '.join(by)}")
     return np.asarray(others[value][place[ours]])
-
-
-def nested(flat: Mapping[str, Any]) -> Row:
-    """Nest columns with dots in their names as rows within the row; a row of nothing but None is None."""
-    found = Row()
-    for name, value in flat.items():
-        *parts, last = name.split(".")
-        row = found
-        for part in parts:
-            row = row.setdefault(part, Row())
-        row[last] = value
-    return found
 
 
 def find(rows: Sequence[Row], **alike: Any) -> Row:

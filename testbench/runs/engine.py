@@ -19,7 +19,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import resource_tracker
 from threading import Thread
@@ -32,7 +32,6 @@ from threadpoolctl import threadpool_limits
 
 from testbench.errors import BenchError
 from testbench.runs.interrupt import STOPS
-from testbench.runs.rows import Table, tabled
 from testbench.runs.store import TrialStore, numeric_versions
 
 # --- The engine: trials in chunks, on the cores of this machine ---------------------------------------------
@@ -55,7 +54,7 @@ class Chunk:
     """Hold trials that a worker has done."""
 
     seeds: Sequence[int]  #: Of the trials.
-    found: Sequence[Table]  #: Their rows by column.
+    found: Sequence[Found]  #: Their rows.
     problem: str = ""  #: Why there are none; empty if all is well.
 
 
@@ -83,19 +82,12 @@ def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
     """
     try:
         with threadpool_limits(1):
-            results = work(seeds)
-        return Chunk(seeds, _tables(seeds, results))
+            found = work(seeds)
+        if len(found) != len(seeds):
+            raise BenchError(f"expected rows for {len(seeds)} trials, got {len(found)}")
+        return Chunk(seeds, found)
     except (BenchError, ImportError, OSError) as err:
         return Chunk(seeds, (), f"seeds {seeds[0]} to {seeds[-1]}: {err}")
-
-
-def _tables(seeds: Sequence[int], results: Sequence[Found]) -> list[Table]:
-    if len(results) != len(seeds):
-        raise BenchError(f"expected rows for {len(seeds)} trials, got {len(results)}")
-    wrong = {type(row).__name__ for rows in results for row in rows if not is_dataclass(row)}
-    if wrong:
-        raise BenchError(f"rows: expected dataclasses, got {', '.join(sorted(wrong))}")
-    return [tabled(rows) for rows in results]
 
 
 def here(work: Work, chunks: Sequence[Sequence[int]]) -> Chunks:

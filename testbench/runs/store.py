@@ -14,18 +14,20 @@ import platform
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from types import NoneType, UnionType
+from typing import Any, Generic, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import parquet
+from pydantic import TypeAdapter
 
 from testbench.errors import BenchError, InputError, open_file
 from testbench.plant.true_arms import true_arms
 from testbench.runs import manifest as files
-from testbench.runs.rows import MAX_INTEGER, SEED, ColumnType, Table, columns, count, restored
+from testbench.runs.rows import MAX_INTEGER, SEED, flatten, nested
 from testbench.runs.whole import folder_for, writing
 
 FORMAT = "testbench trials 5"
@@ -116,40 +118,80 @@ MAX_READ = 2_000_000  #: Rows that are compared by seed.
 MODEL_COLUMN = "name"  #: Column of models.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
-About = Mapping[str, Any]  #: Metadata of a file by key, each as JSON.
+
+def column_types(row: type, prefix: str = "") -> dict[str, pa.DataType]:
+    """Choose the types of the columns of a dataclass of rows, see `flatten`, from the types of its fields.
+
+    A dataclass beside plain types, as `Spread` in `Number`, is of summaries and no column; a share, which is
+    a truth value or a float, is a truth value in the rows of a trial.
+
+    Args:
+        row: The dataclass.
+        prefix: Text before every name.
+
+    Returns:
+        Type of every column by its name.
+
+    Raises:
+        BenchError: When a field has another type, or the name of the seed's column.
+    """
+    found: dict[str, pa.DataType] = {}
+    for name, hint in get_type_hints(row).items():
+        kinds = _alternatives(hint)
+        several = [own for own in kinds if get_origin(own) is tuple]
+        if len(kinds) == 1 and is_dataclass(own := next(iter(kinds))):
+            found |= column_types(own, f"{prefix}{name}.")  # type: ignore[arg-type]  # no instance of it
+        elif several:
+            found[prefix + name] = pa.list_(_column_type(_alternatives(get_args(several[0])[0])))
+        else:
+            found[prefix + name] = _column_type(kinds)
+    if SEED in found:
+        raise BenchError(f"{row.__name__}: expected columns with names other than {SEED!r}")
+    return found
 
 
-def arrow_table(
-    columns: Mapping[str, ColumnType], trials: Iterable[tuple[int, Table]], **about: Any
-) -> pa.Table:
+def _alternatives(annotation: Any) -> set[Any]:
+    """Of float | None the float."""
+    kinds = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+    return {*kinds} - {NoneType}
+
+
+def _column_type(kinds: set[Any]) -> pa.DataType:
+    """Type of cells that are of one of some types, without None."""
+    plain = {type(get_args(own)[0]) if get_origin(own) is Literal else own for own in kinds}
+    plain = {own for own in plain if not is_dataclass(own)}
+    for wide, both in ((float, {float, int}), (bool, {float, bool})):
+        plain = {wide} if plain == both else plain
+    if len(plain) != 1 or not plain <= TYPES.keys():
+        raise BenchError(f"rows: expected a type of numbers or words, got {kinds}")
+    return TYPES[plain.pop()]
+
+
+def arrow_table(row: type, trials: Iterable[tuple[int, Sequence[object]]]) -> pa.Table:
     """Collect the rows of trials in one table: None becomes null, NaN stays NaN.
 
     Args:
-        columns: Types of the columns beside the seed.
+        row: Dataclass of a row.
         trials: Seed and rows of each, of which some may have none.
-        about: Metadata, plain JSON data.
 
     Returns:
         The table.
 
     Raises:
-        BenchError: When cells are not of their column's type.
+        BenchError: When rows are not of that dataclass, or cells not of their column's type.
     """
-    kinds = {name: pa.list_(TYPES[c.kind]) if c.several else TYPES[c.kind] for name, c in columns.items()}
-    schema = pa.schema({SEED: pa.int64(), **kinds}, _metadata(about))
-    cells: Table = {name: [] for name in schema.names}
-    for seed, own in trials:
-        if own and own.keys() != columns.keys():
-            differ = ", ".join(sorted(own.keys() ^ columns.keys()))
-            raise BenchError(f"rows: expected rows with the same columns, but some lack {differ}")
-        cells[SEED] += [seed] * count(own)
-        for name, values in own.items():
-            cells[name] += values
+    schema = pa.schema({SEED: pa.int64(), **column_types(row)})
+    flat = []
+    for seed, rows in trials:
+        if wrong := {type(own).__name__ for own in rows if type(own) is not row}:
+            raise BenchError(f"rows: expected {row.__name__}, got {', '.join(sorted(wrong))}")
+        flat += [{SEED: seed, **dict(flatten(own))} for own in rows]
     found = []
     for field in schema:
+        cells = [own.get(field.name) for own in flat]
         try:
-            found.append(pa.array(cells[field.name], field.type))
-            if pa.types.is_integer(field.type) and found[-1].to_pylist() != cells[field.name]:
+            found.append(pa.array(cells, field.type))
+            if pa.types.is_integer(field.type) and found[-1].to_pylist() != cells:
                 raise OverflowError("a fraction cannot be stored in an integer column")
         except (pa.ArrowException, OverflowError, UnicodeEncodeError) as err:
             raise BenchError(f"rows: {field.name}: expected {field.type}: {err}") from err
@@ -166,11 +208,9 @@ def labelled(table: pa.Table, **about: Any) -> pa.Table:
     Returns:
         The table with the new metadata.
     """
-    return table.replace_schema_metadata(_metadata(about))
-
-
-def _metadata(about: About) -> dict[str, str]:
-    return {key: json.dumps(value, sort_keys=True) for key, value in about.items()}
+    return table.replace_schema_metadata(
+        {key: json.dumps(value, sort_keys=True) for key, value in about.items()}
+    )
 
 
 def write_trials(path: Path, table: pa.Table) -> None:
@@ -335,8 +375,7 @@ class TrialStore(Generic[R]):
         self.experiment = experiment
         self.row = row
         self.header = experiment.header
-        self.columns = columns(row)
-        self.schema = arrow_table(self.columns, []).schema
+        self.schema = arrow_table(row, []).schema
         self.done: set[int] = set()
         self.held = False  #: Whether there are trials that no finished run beside the parts has.
         self.finished = False
@@ -352,7 +391,8 @@ class TrialStore(Generic[R]):
 
     def rows(self) -> list[R]:
         """Return stored rows as they were returned, in the order of the seeds."""
-        return restored(self.row, self.table().drop_columns(SEED).to_pydict())
+        flat = self.table().drop_columns(SEED).to_pylist()
+        return TypeAdapter(list[self.row]).validate_python(list(map(nested, flat)))  # type: ignore[name-defined]
 
     def table(self) -> pa.Table:
         """Return stored rows of the experiment as a table, in the order of the seeds."""
@@ -361,7 +401,7 @@ class TrialStore(Generic[R]):
         table = pa.concat_tables([self.schema.empty_table(), *parts])
         return table.filter((seed >= seeds[0]) & (seed <= seeds[-1])).sort_by(SEED)
 
-    def append(self, seeds: Sequence[int], found: Iterable[Table]) -> None:
+    def append(self, seeds: Sequence[int], found: Iterable[Sequence[object]]) -> None:
         """Add finished trials' rows, from `engine.do_chunk`; they are on the disk when this returns.
 
         Args:
@@ -372,7 +412,7 @@ class TrialStore(Generic[R]):
             BenchError: When rows are not of the store's type.
             InputError: When the part cannot be written; the store then holds what it held before.
         """
-        self._write(seeds, arrow_table(self.columns, zip(seeds, found, strict=True)))
+        self._write(seeds, arrow_table(self.row, zip(seeds, found, strict=True)))
         self.held = True
 
     def load(self, *, resume: bool) -> None:

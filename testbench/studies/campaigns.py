@@ -12,8 +12,9 @@ from testbench.files.write import csv_text
 from testbench.identify.estimate import Estimate, deflections_of_models, score
 from testbench.model.structure import JOINTS_ONLY, Constraint
 from testbench.report.schema import Table, best_of, columns
-from testbench.report.table import Row, Trials, merged, nested, plain
+from testbench.report.table import Row, Trials, merged, plain
 from testbench.report.table import rows as as_rows
+from testbench.runs.rows import nested
 from testbench.runs.spread import span
 from testbench.studies.campaign.trial import Fits
 from testbench.studies.study import DEFAULT_WITHOUT_CONE

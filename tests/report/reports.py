@@ -19,7 +19,6 @@ from testbench.report import terminal
 from testbench.report.figure import SOFT
 from testbench.report.report import read
 from testbench.report.table import Trials
-from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread, ends, middle
 from testbench.runs.store import arrow_table, write_trials
 from testbench.studies.campaigns import Measured
@@ -34,8 +33,7 @@ def table_of(seeds, rows):
     kind = type(next(row for found in own.values() for row in found))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trials.parquet"
-        flat = [(seed, tabled(found)) for seed, found in own.items()]
-        write_trials(path, arrow_table(columns(kind), flat))
+        write_trials(path, arrow_table(kind, own.items()))
         return Trials.read(path)
 
 

@@ -13,8 +13,6 @@ from testbench.report.markdown import Markdown
 from testbench.report.report import Report, read, say
 from testbench.report.schema import EVERY, KNOWN, Table, columns
 from testbench.report.table import Row, Trials, aligned, matched, merged, plain
-from testbench.runs.rows import columns as row_columns
-from testbench.runs.rows import tabled
 from testbench.runs.spread import Spread
 from testbench.runs.store import arrow_table, write_trials
 
@@ -81,8 +79,7 @@ def test_a_merged_row_holds_quantiles_shares_and_what_is_the_same(trials):
 @pytest.mark.parametrize("many", [table.MANY, 0])
 def test_what_was_written_is_read_as_what_was_made(tmp_path, trials, monkeypatch, many):
     """Held in memory, and of many rows column by column from the file."""
-    flat = [(seed, tabled(rows(seed))) for seed in SEEDS]
-    write_trials(tmp_path / "trials.parquet", arrow_table(row_columns(ModelRow), flat))
+    write_trials(tmp_path / "trials.parquet", arrow_table(ModelRow, [(seed, rows(seed)) for seed in SEEDS]))
     monkeypatch.setattr(table, "MANY", many)
     own = Trials.read(tmp_path / "trials.parquet")
     assert list(own.columns) == list(trials.columns)

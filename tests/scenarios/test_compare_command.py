@@ -19,7 +19,6 @@ from testbench.report.schema import columns as quantities
 from testbench.report.table import Trials, merged
 from testbench.runs import manifest as files
 from testbench.runs.manifest import digests
-from testbench.runs.rows import columns, tabled
 from testbench.runs.spread import Spread
 from testbench.runs.store import arrow_table, write_trials
 
@@ -61,9 +60,9 @@ def calibration(out, seeds, scale=1.0, sigma=50e-6):
     """
     sizes = {n: mm * (scale[n] if isinstance(scale, dict) else scale) for n, mm in SIZES.items()}
     wide = {seed: np.exp(np.random.default_rng(seed).normal()) for seed in seeds}
-    flat = [(s, tabled([row(n, float(mm * wide[s]), s) for n, mm in sizes.items()])) for s in seeds]
+    trials = [(s, [row(n, float(mm * wide[s]), s) for n, mm in sizes.items()]) for s in seeds]
     out.mkdir()
-    write_trials(out / "trials.parquet", arrow_table(columns(ModelRow), flat))
+    write_trials(out / "trials.parquet", arrow_table(ModelRow, trials))
     models = merged(Trials.read(out / "trials.parquet").drop("seed"), "name")
     table = Table(quantities("name workspace.rms_mm identification.rms_mm"), models)
     numbers = {"models": models, "recommended": "ALL153 + prior"}

@@ -136,7 +136,7 @@ def test_no_stop_reaches_the_first_workers_of_a_program_while_they_start():
 import trial_work
 from testbench.runs.engine import on_cores
 for chunk in on_cores(trial_work.blocked_stops, [[1], [2]], workers=2):
-    print(*chunk.found[0]["names"])
+    print(*(row.names for row in chunk.found[0]))
 """
     words = [sys.executable, "-c", script]
     fresh = subprocess.run(words, cwd=HERE, check=True, capture_output=True, text=True)

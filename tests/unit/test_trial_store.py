@@ -54,6 +54,16 @@ Full = make_dataclass("Full", [(name, kind) for name, (kind, *_) in KINDS.items(
 FULL = Full(*(value for _, value, _ in KINDS.values()))
 
 
+def cells(seed, row):
+    """A row of the table, by hand: what nests has its own columns, numbers are Python's, tuples lists."""
+    own = {"seed": seed, **vars(row), "count": -(2**63), "yes": True}
+    own = {name: list(value) if isinstance(value, tuple) else value for name, value in own.items()}
+    for name in ("check", "workspace"):
+        fit = own.pop(name) or Fit(None, None)
+        own |= {f"{name}.rms_mm": fit.rms_mm, f"{name}.rank": fit.rank}
+    return own
+
+
 def put(store, found):
     chunk = do_chunk(lambda seeds: [found[s] for s in seeds], tuple(found))
     assert not chunk.problem, chunk.problem
@@ -81,19 +91,18 @@ def files(folder):
 def test_every_kind_of_value_comes_back_bit_by_bit_while_a_run_goes_on_and_behind_its_end(tmp_path):
     """Trials without rows too."""
     rows = {7: [], 8: [FULL, replace(FULL, several=(), names=("a", "b"))], 9: [], 10: [FULL], 11: []}
-    plain = {"count": -(2**63), "yes": True}
-    expected = repr([replace(row, **plain) for own in rows.values() for row in own])
+    expected = repr([cells(seed, row) for seed, own in rows.items() for row in own])
     with open_store(tmp_path, TOY, row=Full, resume=False) as store:
         put(store, {seed: rows[seed] for seed in (10, 7, 9)})
     with open_store(tmp_path, TOY, row=Full, resume=True) as store:
         assert store.missing() == [8, 11]
         put(store, {seed: rows[seed] for seed in (11, 8)})
-        assert repr(store.rows()) == expected
+        assert repr(store.table().to_pylist()) == expected
         write_parquet(store, tmp_path)
     more = TrialPlan("toy", TOY.scenario, range(7, 14))
     with open_store(tmp_path, more, row=Full, resume=True) as store:
         assert store.missing() == [12, 13]
-        assert repr(store.rows()) == expected
+        assert repr(store.table().to_pylist()) == expected
 
 
 def test_columns_have_the_types_of_the_fields_even_without_a_value(tmp_path):
@@ -130,16 +139,8 @@ def test_parquet_does_not_depend_on_order_or_where_it_stopped(tmp_path, monkeypa
         assert store.rows() == [row for rows in found.values() for row in rows]
 
 
-@pytest.mark.parametrize(
-    ("work", "problem"),
-    [
-        ([[X(np.zeros(2))]], "seeds 7 to 7: rows: x: expected a number, a word or None, got ndarray"),
-        ([[{"x": 1}]], "seeds 7 to 7: rows: expected dataclasses, got dict"),
-        ([[], []], "expected rows for 1 trials, got 2"),
-    ],
-)
-def test_rows_that_are_none_are_told_by_the_worker(work, problem):
-    assert problem in do_chunk(lambda _: work, (7,)).problem
+def test_rows_of_another_number_of_trials_are_told_by_the_worker():
+    assert "expected rows for 1 trials, got 2" in do_chunk(lambda _: [[], []], (7,)).problem
 
 
 @pytest.mark.parametrize(
@@ -149,7 +150,9 @@ def test_rows_that_are_none_are_told_by_the_worker(work, problem):
         (replace(FULL, several=(1.0, "b")), "rows: several: expected list<.*>: .*'b'"),
         (replace(FULL, count=2**63), "rows: count: expected int64: "),
         (replace(FULL, word=1), "rows: word: expected string: "),
-        (X(1.0), "rows: expected rows with the same columns, but some lack bounds, check.rank"),
+        (replace(FULL, pi=np.zeros(2)), "rows: pi: expected double: .*ndarray"),
+        (X(1.0), "rows: expected Full, got X"),
+        ({"pi": 1.0}, "rows: expected Full, got dict"),
     ],
 )
 def test_rows_of_another_type_are_refused_and_what_is_stored_stays(tmp_path, row, problem):
@@ -158,7 +161,7 @@ def test_rows_of_another_type_are_refused_and_what_is_stored_stays(tmp_path, row
         with pytest.raises(BenchError, match=problem):
             put(store, {8: [row]})
         assert store.missing() == [8, 9, 10, 11]
-        assert len(store.rows()) == 1
+        assert len(store.table()) == 1
 
 
 @pytest.mark.parametrize("field", [("x", list), ("x", float | str), ("seed", int)])

@@ -26,8 +26,8 @@ from testbench.report.figure import Figure, forest
 from testbench.report.markdown import Markdown
 from testbench.report.report import Report, say
 from testbench.report.schema import Table, columns
-from testbench.report.table import Row, Trials, aligned, merged, nested
-from testbench.runs.rows import trial_rng
+from testbench.report.table import Row, Trials, aligned, merged
+from testbench.runs.rows import nested, trial_rng
 from testbench.runs.spread import wins
 from testbench.studies import campaigns
 from testbench.studies.paper.factorised import every_order, order_range
