@@ -6,13 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
-from testbench.errors import BenchError, InputError
+from testbench.errors import BenchError
 from testbench.plant.true_arms import FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import Badge, decide
 from testbench.report.report import number
 from testbench.report.schema import ALIKE, true_arm_label
-from testbench.report.table import Row, finite
+from testbench.report.table import MODEL as NAME
+from testbench.report.table import TRIAL, Row, finite
 from testbench.runs.manifest import Finished
 from testbench.runs.spread import (
     SAME_ERROR,
@@ -34,7 +37,6 @@ KINDS = {
     "identification": "at the fitted poses, against readings",
 }
 """Errors of models, what matters most first, and where they are."""
-MAX_MODELS, MAX_ERROR_MM = 1000, 1e9  #: Models that are compared, and their largest error.
 OWN = ("said", "tables", "badge", "models", "seed")  #: Keys of report.json that are no single numbers.
 CLOCK = ("seconds", "_s", "_ms")  #: Ends of keys of what a clock measured: it differs in any case.
 MODEL = "name", "structure", "constraint", "prior", "method"  #: What tells how a model is drawn.
@@ -47,29 +49,21 @@ ALONE: BySeed = {}  #: Of a run of one seed.
 
 
 def models_of(run: Finished) -> dict[str, Row]:
-    """Read the models of a report by name, with RMS errors by kind; none if several have one name.
-
-    Raises:
-        InputError: When an error is none that a model can have.
-    """
+    """Read the models of a report by name, with RMS errors by kind; none if several have one name."""
     listed = run.report.get("models")
     rows = [own for own in listed if isinstance(own, dict)] if isinstance(listed, list) else []
-    found = [_model(run, own) for own in rows[:MAX_MODELS] if isinstance(own.get("name"), str)]
+    found = [_model(own) for own in rows if isinstance(own.get("name"), str)]
     told = [m for m in found if m.errors and not (m.constraint == "free" and m.conservative is False)]
     return {m.name: m for m in told} if len({m.name for m in told}) == len(told) else {}
 
 
-def _model(run: Finished, own: Mapping[str, Any]) -> Row:
+def _model(own: Mapping[str, Any]) -> Row:
     errors = {}
     for kind in KINDS:
         cell = own.get(kind)
         mm = number(cell.get("rms_mm")) if isinstance(cell, dict) else None
-        if not isinstance(mm, float | int | Spread):
-            continue
-        if not 0 <= min(triple(mm)) <= max(triple(mm)) <= MAX_ERROR_MM:
-            problem = f"expected an RMS error of 0 to {MAX_ERROR_MM:g} mm, got {mm}"
-            raise InputError(run.file, f"models: {own['name']}, {kind}", problem)
-        errors[kind] = mm
+        if isinstance(mm, float | int | Spread):
+            errors[kind] = mm
     keys = ("name", "structure", "constraint", "prior", "method", "conservative")
     drawn = {key: str(own.get(key) or "none") for key in ("structure", "constraint")}
     return Row({key: own.get(key) for key in keys} | drawn, prior=bool(own.get("prior")), errors=errors)
@@ -211,13 +205,27 @@ def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:
     path = run.folder / WHOLE
     if not run.several or not path.is_file():
         return {}
-    from testbench.runs.store import series  # here: few runs have trials
+    from testbench.runs.store import opened  # here: few runs have trials
 
+    with opened(path) as file:
+        schema = file.schema_arrow
+        texts = [own.name for own in schema if pa.types.is_string(own.type)]
+        heads = [name.removesuffix(NAME) for name in texts if f".{name}".endswith(f".{NAME}")]
+        errors = [(head, kind, f"{head}{kind}.rms_mm") for head in heads for kind in KINDS]
+        errors = [own for own in errors if own[2] in schema.names]
+        if not errors:
+            return {}
+        under = errors[0][0]
+        words = [f"{under}{NAME}", *(name for name in texts if not name.startswith(under))]
+        cells = file.read([TRIAL, *words, *(value for *_, value in errors)], use_threads=False)
     found: dict[tuple[str, str], list[BySeed]] = {}
-    for number_by_seed in series(path, [f"{kind}.rms_mm" for kind in KINDS]):
-        found.setdefault((number_by_seed.name, number_by_seed.key.removesuffix(".rms_mm")), []).append(
-            number_by_seed.by_seed
-        )
+    for _, kind, value in (own for own in errors if own[0] == under):
+        known = cells.filter(pc.is_finite(pc.field(value)))
+        conditions = known.group_by(words, use_threads=False).aggregate([(TRIAL, "list"), (value, "list")])
+        for row in conditions.to_pylist():
+            seeds, numbers = row[f"{TRIAL}_list"], row[f"{value}_list"]
+            if len({*seeds}) == len(seeds):  # else the words do not say all of the condition
+                found.setdefault((row[words[0]], kind), []).append(dict(zip(seeds, numbers, strict=True)))
     return found
 
 

@@ -6,7 +6,6 @@ User estimators that failed in some trials of a study: counted, and left out of 
 """
 
 import json
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from testbench.errors import InputError
 from testbench.progress import stepwise
 from testbench.report.badge import Badge
 from testbench.report.colours import Look
@@ -171,23 +169,8 @@ class Report:
 
 
 def read_report(file: Path) -> Report:
-    """Read a report that holds its words and tables; numbers as rows.
-
-    Args:
-        file: report.json, perhaps a stranger's.
-
-    Returns:
-        The report.
-
-    Raises:
-        InputError: When it is none, or not one of this version.
-    """
-    try:
-        return read(read_plain(file))  # type: ignore[arg-type]  # what is no table of keys raises
-    except KeyError as err:
-        raise InputError(file, str(err).strip("'"), "not a report of this version: expected it") from err
-    except (TypeError, ValueError, AttributeError, LookupError) as err:
-        raise InputError(file, "", f"not a report of this version: {err}") from err
+    """Read report.json with its words and tables; numbers as rows. InputError where it cannot be read."""
+    return read(read_plain(file))  # type: ignore[arg-type]  # what is no table of keys raises
 
 
 def read(found: Mapping[str, Any]) -> Report:
@@ -205,15 +188,13 @@ def read(found: Mapping[str, Any]) -> Report:
 
 
 def _badge(found: Any) -> Badge | None:
-    """What report.json says of who wins; older ones say nothing."""
+    """What report.json says of who wins."""
     if found is None:
         return None
-    own = {f.name: found[f.name] for f in fields(Badge) if f.name in found}
-    lists = {"interval": own["interval"] and tuple(own["interval"]), "ties": tuple(own.get("ties", ()))}
-    return Badge(**own | lists)
+    lists = {"interval": found["interval"] and tuple(found["interval"]), "ties": tuple(found["ties"])}
+    return Badge(**{own.name: found[own.name] for own in fields(Badge)} | lists)
 
 
-FORM = re.compile(r"yes|[,+]?(?:\.\d{1,2})?[defg%]?")  #: Of a number; of strangers others could be endless.
 DEFAULTS = {f.name: f.default for f in fields(TableColumn) if f.name != "called"}
 LEFT = ("key", "paper", "scale", "declared")
 """Of a column whose cells are data by place and in its unit."""
@@ -253,7 +234,10 @@ def _cell(value: Any) -> Any:
 def _unpacked(found: Mapping[str, Any]) -> Table:
     """A table of such data."""
     named = zip(found["columns"], found["keys"], strict=True)
-    columns = [_column(k, str(key), own) for k, (own, key) in enumerate(named)]
+    columns = [
+        TableColumn(**own, key=f"cells.{k}", paper=f"{k}", declared=str(key))
+        for k, (own, key) in enumerate(named)
+    ]
     rows = [
         Row(cells=[number(cell) for cell in cells], paper={f"{k}": own for k, own in enumerate(paper)})
         for cells, paper in zip(found["rows"], found["paper"], strict=True)
@@ -271,14 +255,6 @@ def _unpacked(found: Mapping[str, Any]) -> Table:
             for name, own in found["looks"].items()
         },
     )
-
-
-def _column(k: int, key: str, found: Mapping[str, Any]) -> TableColumn:
-    """A column of cells by place, once of that key; ValueError where its format is none of ours."""
-    form = found.get("form", DEFAULTS["form"])
-    if not FORM.fullmatch(form):
-        raise ValueError(f"no format of a number: {form!r:.40}")
-    return TableColumn(**found, key=f"cells.{k}", paper=f"{k}", declared=key)
 
 
 def number(cell: Any) -> Any:

@@ -1,9 +1,8 @@
 """Trials as one table: rows of a group become medians with their spread, two models ratios."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from testbench.errors import Ids
 from testbench.runs.rows import Row as Row
 from testbench.runs.rows import finite as finite
 from testbench.runs.rows import nested
@@ -22,8 +22,6 @@ MODEL, TRIAL = "name", "seed"
 SHARED = "shared_trial"  #: Column of the trial that several cases share, where `TRIAL` names a case.
 DRAWN = ("values", "interval")  #: Of a spread what is drawn of it: only tables have it in report.json.
 SPREAD = {own.name for own in fields(Spread)} - {*DRAWN}  #: What else it has.
-BEYOND = 1e100  #: No number of a trial is as large.
-MANY = 1_000_000  #: Rows beyond which columns stay in their file until they are asked for.
 
 
 @dataclass(frozen=True)
@@ -33,49 +31,40 @@ class Trials:
     Numbers that are missing are NaN, all else that is missing None; lists are cells as they are.
     """
 
-    made: Mapping[str, Callable[[], Cells]]
-    """Makes a column each time it is asked for, as many cells each: of many trials a few are in memory."""
-
-    @classmethod
-    def holding(cls, columns: Mapping[str, Any]) -> "Trials":
-        """Make a table of columns that are in memory."""
-        return cls({name: partial(np.asarray, cells) for name, cells in columns.items()})
+    whole: Mapping[str, Cells]  #: Columns, as they were read.
+    rows: Ids | None = None  #: Which rows of these are selected; None for all.
 
     @property
     def columns(self) -> dict[str, Cells]:
         """Return all columns by name."""
-        return {name: make() for name, make in self.made.items()}
+        return {name: self[name] for name in self.whole}
 
     @classmethod
     def read(cls, path: Path) -> "Trials":
-        """Read what a run wrote: trials.parquet, nested fields as dotted columns.
-
-        Raises:
-            ValueError: When a number is one that no trial can have.
-        """
+        """Read what a run wrote: trials.parquet, nested fields as dotted columns."""
         from pyarrow import parquet  # here: commands have no trials
 
         with parquet.ParquetFile(path) as file:
-            names = file.schema_arrow.names
-            if file.metadata.num_rows <= MANY:
-                table = file.read(use_threads=False)
-                return cls.holding({name: _checked(name, table[name]) for name in names})
-        return cls({name: partial(_read, path, name) for name in names})
+            table = file.read(use_threads=False)
+        return cls({name: _cells(table[name].combine_chunks()) for name in table.column_names})
 
     def __len__(self) -> int:
-        return len(self[next(iter(self.made))]) if self.made else 0
+        if self.rows is not None:
+            return len(self.rows)
+        return len(next(iter(self.whole.values()), ()))
 
     def __contains__(self, name: object) -> bool:
-        return name in self.made
+        return name in self.whole
 
     def __getitem__(self, name: str) -> Cells:
-        if name not in self.made:
-            raise KeyError(f"no column {name!r}; columns are {', '.join(self.made)}")
-        return self.made[name]()
+        if name not in self.whole:
+            raise KeyError(f"no column {name!r}; columns are {', '.join(self.whole)}")
+        return self.whole[name] if self.rows is None else self.whole[name][self.rows]
 
     def pick(self, rows: Cells) -> "Trials":
         """Select rows by a mask, or by their numbers."""
-        return Trials({name: partial(_picked, make, rows) for name, make in self.made.items()})
+        every = np.arange(len(self)) if self.rows is None else self.rows
+        return replace(self, rows=every[rows])
 
     def where(self, **alike: Any) -> "Trials":
         """Select rows that have these values; of a tuple or set one of them."""
@@ -89,24 +78,21 @@ class Trials:
 
     def keep(self, *names: str) -> "Trials":
         """Select some columns; a name that ends with a dot is all that begin with it."""
-        return Trials({name: make for name, make in self.made.items() if _named(name, names)})
-
-    def held(self) -> "Trials":
-        """Load all columns into memory: for rows that are asked for often."""
-        return Trials.holding(self.columns)
+        return replace(self, whole={name: own for name, own in self.whole.items() if _named(name, names)})
 
     def drop(self, *names: str) -> "Trials":
         """Drop columns."""
-        return Trials({name: make for name, make in self.made.items() if not _named(name, names)})
+        return replace(self, whole={name: own for name, own in self.whole.items() if not _named(name, names)})
 
     def inside(self, name: str) -> "Trials":
         """Select columns whose names begin with this one and a dot, without both."""
         start = f"{name}."
-        return Trials({own.removeprefix(start): make for own, make in self.keep(start).made.items()})
+        own = self.keep(start).whole
+        return replace(self, whole={key.removeprefix(start): cells for key, cells in own.items()})
 
     def add(self, **more: Any) -> "Trials":
         """Add columns, or replace those of the same names."""
-        return Trials({**self.made, **Trials.holding(more).made})
+        return Trials(self.columns | {name: np.asarray(cells) for name, cells in more.items()})
 
     def values(self, name: str) -> list[Any]:
         """List what a column holds, each once, as it first appears."""
@@ -158,9 +144,9 @@ def merged(trials: Trials, *by: str) -> list[Row]:
         The rows.
     """
     parts = trials.parts(*by) if len(trials) else []
-    labels = trials[SHARED] if SHARED in trials.made else None
+    labels = trials[SHARED] if SHARED in trials.whole else None
     columns = {}
-    for name in trials.drop(SHARED).made:
+    for name in trials.drop(SHARED).whole:
         cells = trials[name]
         columns[name] = [number(cells[part], None if labels is None else labels[part]) for part in parts]
     return [nested({name: own[k] for name, own in columns.items()}) for k in range(len(parts))]
@@ -294,25 +280,6 @@ def plain(value: Any) -> Any:
 
 def _named(name: str, names: Sequence[str]) -> bool:
     return any(name == own or (own.endswith(".") and name.startswith(own)) for own in names)
-
-
-def _picked(make: Callable[[], Cells], rows: Cells) -> Cells:
-    return np.asarray(make()[rows])
-
-
-def _read(path: Path, name: str) -> Cells:
-    from pyarrow import parquet  # here: commands have no trials
-
-    with parquet.ParquetFile(path) as file:
-        return _checked(name, file.read(columns=[name], use_threads=False)[name])
-
-
-def _checked(name: str, column: pa.ChunkedArray) -> Cells:
-    """A column's cells; ValueError where a number is one that no trial can have."""
-    cells = column.combine_chunks()
-    if pa.types.is_floating(cells.type) and not (np.abs(cells.drop_null().to_numpy()) < BEYOND).all():
-        raise ValueError(f"{name} has a number that no trial can have")
-    return _cells(cells)
 
 
 def _cells(column: pa.Array) -> Cells:

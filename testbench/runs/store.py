@@ -8,7 +8,6 @@ run (`whole.claimed`).
 import contextlib
 import hashlib
 import json
-import math
 import os
 import platform
 import shutil
@@ -111,11 +110,6 @@ def _differences(prefix: str, have: object, want: Mapping[str, Any]) -> dict[str
 
 GROUP = 2**15  #: Rows of a row group.
 MAX_BYTES = 10**10  #: Of a file.
-MAX_COLUMNS = 2000
-MAX_ROWS = 10**8
-MAX_UNPACKED = 2 * 10**10  #: Bytes of all columns.
-MAX_READ = 2_000_000  #: Rows that are compared by seed.
-MODEL_COLUMN = "name"  #: Column of models.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 
@@ -239,20 +233,12 @@ def write_trials(path: Path, table: pa.Table) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[parquet.ParquetFile]:
-    """Open a file of trials after a look at its sizes; InputError where the block finds it damaged."""
+def opened(path: Path) -> Iterator[parquet.ParquetFile]:
+    """Open a file of trials; InputError where the block finds it damaged."""
     try:
         with open_file(path, MAX_BYTES):
             pass  # a plain file
         with parquet.ParquetFile(path, page_checksum_verification=True) as file:
-            about = file.metadata
-            groups = [about.row_group(k) for k in range(about.num_row_groups)]
-            sizes = (about.num_columns, about.num_rows, sum(group.total_byte_size for group in groups))
-            for size, most, what in zip(
-                sizes, (MAX_COLUMNS, MAX_ROWS, MAX_UNPACKED), ("columns", "rows", "bytes"), strict=True
-            ):
-                if size > most:
-                    raise ValueError(f"expected at most {most} {what}, got {size}")
             yield file
     except (OSError, KeyError, ValueError, TypeError, RecursionError, pa.ArrowException) as err:
         problem = f"expected trials in Parquet: {err}: it is damaged; move it away to start afresh"
@@ -272,7 +258,7 @@ def read_about(path: Path, *keys: str) -> list[Any]:
     Raises:
         InputError: When it is damaged, or no file of trials.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         about = file.schema_arrow.metadata or {}
         return [json.loads(about[key.encode()]) for key in keys]
 
@@ -290,68 +276,12 @@ def read_trials(path: Path, schema: pa.Schema) -> pa.Table:
     Raises:
         InputError: When it is damaged, or has other columns.
     """
-    with _opened(path) as file:
+    with opened(path) as file:
         found = file.read(use_threads=False)
         if not found.schema.equals(schema):
             differ = sorted({*found.schema.names} ^ {*schema.names}) or ["types of columns"]
             raise ValueError(f"expected the columns of this study; these differ: {', '.join(differ)}")
         return found
-
-
-@dataclass(frozen=True)
-class NumberBySeed:
-    """Hold one number of one model under one condition, by seed."""
-
-    name: str  #: Of the model.
-    key: str  #: Which number.
-    by_seed: dict[int, float]
-
-
-def series(path: Path, keys: Sequence[str]) -> list[NumberBySeed]:
-    """Read numbers of models by seed, of every condition that the words of a row name.
-
-    Args:
-        path: trials.parquet; its rows have a column `name`, perhaps below another name.
-        keys: Columns of numbers beside it, such as "workspace.rms_mm".
-
-    Returns:
-        The numbers.
-
-    Raises:
-        InputError: When the file is damaged or too large.
-    """
-    found: dict[tuple[str, tuple[Any, ...]], dict[int, float]] = {}
-    with _opened(path) as file:
-        if file.metadata.num_rows > MAX_READ:
-            raise ValueError(f"expected at most {MAX_READ} rows, got {file.metadata.num_rows}")
-        schema = file.schema_arrow
-        heads = [
-            n.removesuffix(MODEL_COLUMN)
-            for n in schema.names
-            if n == MODEL_COLUMN or n.endswith(f".{MODEL_COLUMN}")
-        ]
-        under = next((head for head in heads if any(head + key in schema.names for key in keys)), "")
-        wanted = [key for key in keys if heads and under + key in schema.names]
-        texts = [field.name for field in schema if pa.types.is_string(field.type)]
-        words = [under + MODEL_COLUMN, *(name for name in texts if not name.startswith(under))]
-        columns = [SEED, *words, *(under + key for key in wanted)] if wanted else []
-        cells = file.read(columns).to_pydict()
-    for key in wanted:
-        conditions = zip(*(cells[word] for word in words), strict=True)
-        for row in zip(conditions, cells[SEED], cells[under + key], strict=True):
-            _put(found.setdefault((key, row[0]), {}), *row[1:])
-    return [
-        NumberBySeed(condition[0], key, own)
-        for key in keys
-        for (of, condition), own in found.items()
-        if of == key and own and isinstance(condition[0], str) and not any(map(math.isnan, own.values()))
-    ]
-
-
-def _put(own: dict[int, float], seed: object, value: object) -> None:
-    """Add a finite number; NaN where a seed has two."""
-    if isinstance(value, float) and isinstance(seed, int) and math.isfinite(value):
-        own[seed] = math.nan if seed in own else value
 
 
 PARTS, WHOLE = "trials", "trials.parquet"

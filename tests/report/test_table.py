@@ -1,6 +1,5 @@
 """Trials as a table: merged rows against numpy, pairs trial by trial, columns of one unit."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,9 +7,8 @@ import pytest
 from checks import UNITS, unit_of
 from reports import table_of
 
-from testbench.report import table
 from testbench.report.markdown import Markdown
-from testbench.report.report import Report, read, say
+from testbench.report.report import Report, say
 from testbench.report.schema import EVERY, KNOWN, Table, columns
 from testbench.report.table import Row, Trials, aligned, matched, merged, plain
 from testbench.runs.spread import Spread
@@ -76,16 +74,13 @@ def test_a_merged_row_holds_quantiles_shares_and_what_is_the_same(trials):
         _ = found["two"].check.rms
 
 
-@pytest.mark.parametrize("many", [table.MANY, 0])
-def test_what_was_written_is_read_as_what_was_made(tmp_path, trials, monkeypatch, many):
-    """Held in memory, and of many rows column by column from the file."""
+def test_what_was_written_is_read_as_what_was_made(tmp_path, trials):
     write_trials(tmp_path / "trials.parquet", arrow_table(ModelRow, [(seed, rows(seed)) for seed in SEEDS]))
-    monkeypatch.setattr(table, "MANY", many)
     own = Trials.read(tmp_path / "trials.parquet")
     assert list(own.columns) == list(trials.columns)
     assert ("holds" in own, "hold" in own) == (True, False)
     assert plain(merged(own, "name", "kind")) == plain(merged(trials, "name", "kind"))
-    one = own.where(name="one").add(twice=2 * own.where(name="one")["check.rms_mm"]).held()
+    one = own.where(name="one").add(twice=2 * own.where(name="one")["check.rms_mm"])
     assert one["twice"].tolist() == (2 * trials.where(name="one")["check.rms_mm"]).tolist()
     both = matched(one, own.where(name="two"), "check.rms_mm", ("seed",))
     assert both.tolist() == trials.where(name="two")["check.rms_mm"].tolist()
@@ -146,10 +141,3 @@ def test_names_of_strangers_are_escaped_in_sentences_and_numbers_keep_their_form
     assert report().answer == r"a\`b errs 1.50 mm."
     assert say("{x:.1e} {names:list}", x=1.2e-8, names=["p|q", "r"]) == r"1.2 x 10^-8 p\|q and r"
     assert say("{x:.3f}", x=Spread(1.0, 0.5, 2.0)) == "1.000 (0.500 to 2.000)"
-
-
-def test_a_strangers_format_that_would_fill_memory_is_refused():
-    found = json.loads(json.dumps(report().json()))
-    found["tables"]["models"]["columns"][1]["form"] = ".999999999f"
-    with pytest.raises(ValueError, match="no format of a number"):
-        read(found)

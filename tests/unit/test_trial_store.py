@@ -15,7 +15,7 @@ import pytest
 from testbench.errors import BenchError, InputError
 from testbench.runs.engine import do_chunk
 from testbench.runs.spread import Number, Share
-from testbench.runs.store import PARTS, WHOLE, TrialPlan, open_store, series, write_parquet
+from testbench.runs.store import PARTS, WHOLE, TrialPlan, open_store, write_parquet
 
 TOY = TrialPlan("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -258,10 +258,3 @@ def test_seeds_are_consecutive_and_a_scenario_is_plain_data(tmp_path):
         said = "scenario: expected plain JSON data" if scenario else "seeds: expected"
         with pytest.raises(BenchError, match=said):
             fill(tmp_path, [7], TrialPlan("toy", scenario, seeds))
-
-
-def test_a_table_of_trials_with_too_many_columns_is_refused(tmp_path):
-    """As `compare` reads one that somebody handed in."""
-    pq.write_table(pa.table({f"c{k}": [0] for k in range(2001)}), tmp_path / WHOLE)
-    with pytest.raises(InputError, match="expected at most 2000 columns, got 2001"):
-        series(tmp_path / WHOLE, ["name"])
