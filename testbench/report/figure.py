@@ -11,11 +11,10 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Literal, TypedDict
+from typing import IO, Any, Literal
 
 import numpy as np
 from matplotlib import rcParams
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backend_bases import RendererBase
@@ -101,6 +100,9 @@ rcParams.update(
         "axes.labelpad": 2.5,
         "lines.linewidth": 1.1,
         "figure.constrained_layout.w_pad": SIDE,
+        "legend.frameon": False,
+        "legend.fontsize": MIN_LETTER_SIZE,
+        "legend.title_fontsize": MIN_LETTER_SIZE,
         "lines.markersize": 4.3,
         "lines.markeredgewidth": 0.8,
         **{f"{side}tick.major.{key}": size for side in "xy" for key, size in TICKS.items()},  # type: ignore[misc]
@@ -264,8 +266,6 @@ def _key(part: SubFigure, columns: int) -> None:
     part.legend(
         handles,
         labels,
-        frameon=False,
-        fontsize=MIN_LETTER_SIZE,
         loc="outside lower center",
         ncols=max(1, min(columns, CAPTION // longest)),
         handlelength=3.0,
@@ -592,13 +592,7 @@ def sweeps(
         if proportional:
             _guide(axes, proportional)
         if not shared:
-            axes.legend(
-                frameon=False,
-                fontsize=MIN_LETTER_SIZE,
-                ncols=2,
-                loc="upper center",
-                bbox_to_anchor=(0.5, -0.14),
-            )
+            axes.legend(ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))
     if shared:
         _key(part, columns=7 if across == 2 else 4)
     say(figure, answer, reading)
@@ -832,35 +826,19 @@ def _stack(part: Figure | SubFigure, chosen: Sequence[Axes]) -> list[float]:
             label.set(fontsize=MIN_LETTER_SIZE, linespacing=1.0)
     for legend in [*part.legends]:
         part.legends.remove(legend)
-        part.legend(**_narrow_key(legend), loc="outside lower center")
+        _narrow_key(part, legend, loc="outside lower center")
     for axes in chosen:
         if (key := axes.get_legend()) and _beside(axes, key):
-            axes.legend(**_narrow_key(key), loc="upper center", bbox_to_anchor=(0.5, -0.2))
+            _narrow_key(axes, key, loc="upper center", bbox_to_anchor=(0.5, -0.2))
     own = sum(-(-len(key.get_texts()) // _columns(key)) for key in part.legends)
     return [*heights, KEY_LINE * own]
 
 
-class _KeyParts(TypedDict):
-    """What makes a key."""
-
-    handles: Sequence[Artist]
-    labels: Sequence[str]
-    ncols: int
-    frameon: bool
-    fontsize: float
-    handlelength: float
-
-
-def _narrow_key(legend: Legend) -> _KeyParts:
-    """Return what makes a key again in as few columns as have room; a key that is made keeps its columns."""
-    return _KeyParts(
-        handles=[own for own in legend.legend_handles if own is not None],
-        labels=[text.get_text() for text in legend.get_texts()],
-        ncols=_columns(legend),
-        frameon=False,
-        fontsize=MIN_LETTER_SIZE,
-        handlelength=float(legend.handlelength),
-    )
+def _narrow_key(part: Axes | Figure | SubFigure, legend: Legend, **where: Any) -> None:
+    """Make a key again in as few columns as have room; a key that is made keeps its columns."""
+    handles = [own for own in legend.legend_handles if own is not None]
+    labels, wide = [text.get_text() for text in legend.get_texts()], float(legend.handlelength)
+    part.legend(handles, labels, ncols=_columns(legend), handlelength=wide, **where)
 
 
 def _columns(legend: Legend) -> int:

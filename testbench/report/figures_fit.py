@@ -142,13 +142,7 @@ def predicted_pane(axes: Axes, row: Row, looks: Mapping[str, Look], measured: st
     axes.plot(ends, ends, color=SOFT, linewidth=0.8, zorder=1)
     axes.set(xlabel=f"{measured} deflection [mm]", ylabel="predicted [mm]")
     few_ticks(axes.xaxis, axes.yaxis)
-    axes.legend(
-        frameon=False,
-        fontsize=MIN_LETTER_SIZE,
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.22),
-        handletextpad=0.2,
-    )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), handletextpad=0.2)
     quiet(axes)
 
 
@@ -278,9 +272,7 @@ def stiffness_pane(axes: Axes, rows: Sequence[Row]) -> None:
     log_ticks(axes, "x", low, high)
     axes.set_yticks(range(len(rows)), [row.joint for row in rows])
     axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel=f"stiffness [{rows[0].unit}]")
-    axes.legend(
-        frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2
-    )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     axes.set_title("Stiffness of each joint with the link before it, 95 %")
     quiet(axes)
 
@@ -466,13 +458,7 @@ def coverage_figure(rows: Sequence[Row]) -> Figure:
         axes.plot((0, 100), (0, 100), color=SOFT, linewidth=0.8, zorder=1)
         axes.set(xlim=(40, 101), ylim=(low, 101), xlabel="nominal coverage [%]")
         axes.set_title(title)
-        axes.legend(
-            frameon=False,
-            fontsize=MIN_LETTER_SIZE,
-            loc="upper center",
-            bbox_to_anchor=(0.5, -0.18),
-            handlelength=1.5,
-        )
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), handlelength=1.5)
         quiet(axes)
     figure.axes[0].set_ylabel("actual coverage [%]")
     learnt = [row.covered_percent for row in rows if row.kind == "learnt"]
@@ -522,13 +508,7 @@ def cost_figure(rows: Sequence[Row], looks: Mapping[str, Look], error: str) -> F
     axes.plot(*front.T, ":", color=SOFT, linewidth=0.8, zorder=1)
     log_ticks(axes, "x", *axes.dataLim.intervalx)
     log_ticks(axes, "y", *axes.dataLim.intervaly)
-    axes.legend(
-        frameon=False,
-        fontsize=MIN_LETTER_SIZE,
-        loc="upper left",
-        bbox_to_anchor=(1.0, 1.02),
-        handletextpad=0.2,
-    )
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), handletextpad=0.2)
     axes.set(xlabel="CPU time of a fit [s]", ylabel=error)
     quiet(axes)
     answer = f"No other is faster and better than {listed([*map(in_words, best)], 'or')}"

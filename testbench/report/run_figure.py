@@ -429,7 +429,7 @@ def _key(axes: Axes, signs: Sequence[_Sign], across: int) -> None:
     axes.axis("off")
     for sign in signs:
         axes.plot([], [], sign.mark, color=sign.colour, linewidth=1.4, label=sign.words)
-    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="center", ncols=across, borderaxespad=0)
+    axes.legend(loc="center", ncols=across, borderaxespad=0)
 
 
 def run_chart(axes: Axes, chart: RunChart) -> None:
@@ -456,7 +456,7 @@ def run_chart(axes: Axes, chart: RunChart) -> None:
     axes.set_ylim(min(0.0, axes.get_ylim()[0]), None)
     few_ticks(axes.yaxis)
     if len(axes.get_legend_handles_labels()[1]) > 1:  # the title says what a line alone is
-        axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     quiet(axes)
 
 
@@ -738,14 +738,7 @@ def _key_of_difference(part: SubFigure, pane: Axes, ours: ModelLine, theirs: Mod
     pane.set_title(f"Which errs less:\nthe chosen one in\n{(known <= 0).sum()} of {len(known)} places")
     signs = [Line2D([], [], linestyle="", marker="s", color=own.look.hex) for own in (ours, theirs)]
     part.legend(
-        signs,
-        [ours.words, theirs.words],
-        title="Which errs less",
-        title_fontsize=MIN_LETTER_SIZE,
-        frameon=False,
-        fontsize=MIN_LETTER_SIZE,
-        loc="outside lower right",
-        ncols=2,
+        signs, [ours.words, theirs.words], title="Which errs less", loc="outside lower right", ncols=2
     )
 
 
@@ -861,5 +854,5 @@ def size_pane(axes: Axes, rows: Sequence[Row], force: float) -> None:
     axes.set_xticks(k, names, rotation=0 if sum(map(len, names)) < NARROW_ACROSS else 45)
     axes.set(xlabel="pose", ylabel=f"moved by {force:,.0f} N [mm]", ylim=(0, 1.6 * sizes.max() or 1.0))
     axes.set_title("Semi-axes")
-    axes.legend(frameon=False, fontsize=MIN_LETTER_SIZE, loc="upper center", ncols=1)
+    axes.legend(loc="upper center", ncols=1)
     quiet(axes)
