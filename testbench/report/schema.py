@@ -276,21 +276,6 @@ def _median(value: object) -> object:
     return value.median if isinstance(value, Spread) else value
 
 
-@dataclass(frozen=True)
-class Best:
-    """Say which of several is best."""
-
-    names: tuple[str, ...]  #: The best; more than one where nothing tells them apart.
-    value: float  #: Least value (median).
-
-    @property
-    def words(self) -> str:
-        """Return the name; of several say that nothing tells them apart."""
-        if len(self.names) == 1:
-            return self.names[0]
-        return f"{', '.join(self.names[:-1])} and {self.names[-1]} (equal to {100 * ALIKE:.0f} %)"
-
-
 LEAST_IS_BEST = ("mm", "um", "urad", "um/N", "s", "ms")
 """Units of columns of which less is better, errors and times; ratios of errors have none."""
 RATIOS = ("over", "relative_excess_bound")  #: Keys of columns without a unit, the same.
@@ -335,7 +320,7 @@ def _alike(ours: Array, theirs: Array) -> bool:
 ALIKE = 0.02  #: Share of the least value within which others are as good as the best.
 
 
-def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:
+def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> list[str]:
     """Find the names of least value (of medians), and all within a share of it; None and NaN take no part.
 
     Args:
@@ -343,14 +328,11 @@ def best_of(values: Mapping[str, Number], alike: float = ALIKE) -> Best:
         alike: Share within which values tie [1].
 
     Returns:
-        The names.
+        The names, that of the least value first.
     """
-    known = {name: middle(v) for name, v in values.items() if middle(v) == middle(v)}
-    if not known:
-        return Best((), float("nan"))
-    least = min(known.values())
-    first = sorted((n for n, v in known.items() if v <= (1 + alike) * least), key=lambda n: known[n])
-    return Best(tuple(first), least)
+    known = {name: middle(value) for name, value in values.items() if not math.isnan(middle(value))}
+    most = (1 + alike) * min(known.values(), default=0.0)
+    return sorted((name for name, value in known.items() if value <= most), key=lambda name: known[name])
 
 
 # --- The quantities of tables: columns.toml declares each once, by its key: heading, unit, format -----------

@@ -98,7 +98,7 @@ def best(models: Sequence[Row], constraint: Constraint, *, prior: bool) -> str:
         for m in models
         if (m.constraint, m.prior) == (constraint, prior) and m.structure != JOINTS_ONLY
     }
-    alike = best_of({name: m.workspace.rms_mm for name, m in own.items()}).names
+    alike = best_of({name: m.workspace.rms_mm for name, m in own.items()})
     return max(alike, key=lambda name: own[name].parameters, default="")
 
 

@@ -130,7 +130,7 @@ def table(**errors):
     rows = [(name, k, mm) for name, own in errors.items() for k, mm in enumerate(own)]
     names, seeds, mm = zip(*rows, strict=True)
     names = [name.replace("_", " + ") for name in names]
-    return Trials({"name": np.array(names, dtype=object), "seed": seeds, "mm": mm})
+    return Trials({}).add(name=np.array(names, dtype=object), seed=seeds, mm=mm)
 
 
 def test_the_rival_is_the_strongest_of_its_class_in_the_same_trials():
@@ -154,13 +154,11 @@ def test_all_that_tie_are_named_the_strongest_first_and_a_weaker_one_is_no_rival
     assert in_words("LS153 + prior") in three.words
     assert "2 others" in three.words
     assert in_words("MLS56 + prior") not in three.words
-    places = Trials(
-        {
-            "name": np.array(["ALL153 + prior", "LS153 + prior", "Joints"], dtype=object),
-            "seed": [1, 1, 1],
-            "mm": [1.0, 1.0, 3.0],
-            badge.PLACES: [tuple(own) for own in (NOISE, NOISE, 3 * NOISE)],
-        }
+    places = Trials({}).add(
+        name=np.array(["ALL153 + prior", "LS153 + prior", "Joints"], dtype=object),
+        seed=[1, 1, 1],
+        mm=[1.0, 1.0, 3.0],
+        **{badge.PLACES: [tuple(own) for own in (NOISE, NOISE, 3 * NOISE)]},
     )
     alone = of_models(places, MODELS, "ALL153 + prior", "mm")
     assert (alone.verdict, alone.ties, alone.each) == ("tie", ("LS153 + prior",), badge.POSES)
@@ -174,7 +172,7 @@ def test_cases_that_share_a_trial_have_an_interval_by_trial_and_too_few_trials_h
         (name, k, mm) for name, own in (("a", 1 / ratio), ("b", 0 * ratio + 1)) for k, mm in enumerate(own)
     ]
     names, seeds, mm = zip(*rows, strict=True)
-    plain = Trials({"name": np.array(names, dtype=object), "seed": seeds, "mm": mm})
+    plain = Trials({}).add(name=np.array(names, dtype=object), seed=seeds, mm=mm)
     shared = plain.add(**{SHARED: np.tile(trial, 2)})
     sure, own = (badge.of_rivals(t, "a", ["b"], "mm", "case") for t in (plain, shared))
     assert own.factor == sure.factor

@@ -202,7 +202,7 @@ class Preset(Generic[O, S, W]):
 def least(models: Sequence[Row]) -> str:
     """Name the model of least error; of those alike one by GCO."""
     constraints = {m.name: m.constraint for m in models}
-    alike = best_of({m.name: m[ERROR] for m in models}).names
+    alike = best_of({m.name: m[ERROR] for m in models})
     return min(alike, key=lambda name: constraints[name] != "psd")
 
 

@@ -225,8 +225,8 @@ def _model_in_question(models: Sequence[Row]) -> str:
     The completed model is none of them: its fit and its predictions are those of MLS56.
     """
 
-    def best(rows: Sequence[Row]) -> tuple[str, ...]:
-        return best_of({m.name: m.check_true.p95_mm for m in rows if m.name != EQUAL_FIT}, CLOSE).names
+    def best(rows: Sequence[Row]) -> list[str]:
+        return best_of({m.name: m.check_true.p95_mm for m in rows if m.name != EQUAL_FIT}, CLOSE)
 
     first, ours = best(models), best([m for m in models if m.constraint == "psd"])[0]
     return ours if ours in first else first[0]
