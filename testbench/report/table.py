@@ -98,39 +98,18 @@ class Trials:
         """List what a column holds, each once, as it first appears."""
         return list(dict.fromkeys(self[name].tolist()))
 
-    def parts(self, *by: str) -> list[Cells]:
-        """Number the rows that are alike in some columns, groups as they first appear."""
-        [codes] = numbered([[self[name]] for name in by], [len(self)])
-        return np.split(np.argsort(codes, kind="stable"), np.cumsum(np.bincount(codes))[:-1])
+    def keys(self, *by: str) -> Iterator[tuple[Any, ...]]:
+        """Yield what tells each row apart in some columns; a number that is missing is None."""
+        columns = [[None if own != own else own for own in self[name].tolist()] for name in by]
+        return (tuple(own[k] for own in columns) for k in range(len(self)))
 
     def groups(self, *by: str) -> Iterator[tuple[tuple[Any, ...], "Trials"]]:
         """Group rows that are alike in some columns, as they first appear; of none all rows."""
-        parts = self.parts(*by) if len(self) else []
-        keys = [self[name][[part[0] for part in parts]].tolist() for name in by]
-        for k, part in enumerate(parts):
-            yield tuple(own[k] for own in keys), self.pick(part)
-
-
-def numbered(columns: Sequence[Sequence[Cells]], sizes: Sequence[int]) -> list[Cells]:
-    """Number the rows of several tables; numbers are equal where all columns are.
-
-    They rise as rows first appear. Of each quantity there is the column of every table.
-
-    Args:
-        columns: Of each quantity the column of every table.
-        sizes: Numbers of rows.
-
-    Returns:
-        Numbers of the rows of every table.
-    """
-    codes = np.zeros(sum(sizes), dtype=np.int64)
-    for own in columns:
-        encoded = pa.array(np.concatenate(own)).dictionary_encode()
-        codes = codes * (len(encoded.dictionary) + 1) + np.asarray(
-            encoded.indices.fill_null(len(encoded.dictionary))
-        )
-        codes = np.asarray(pa.array(codes).dictionary_encode().indices)
-    return np.split(codes, np.cumsum(sizes)[:-1])
+        rows: dict[tuple[Any, ...], list[int]] = {}
+        for k, key in enumerate(self.keys(*by)):
+            rows.setdefault(key, []).append(k)
+        for key, own in rows.items():
+            yield key, self.pick(np.array(own))
 
 
 def merged(trials: Trials, *by: str) -> list[Row]:
@@ -143,13 +122,11 @@ def merged(trials: Trials, *by: str) -> list[Row]:
     Returns:
         The rows.
     """
-    parts = trials.parts(*by) if len(trials) else []
-    labels = trials[SHARED] if SHARED in trials.whole else None
-    columns = {}
-    for name in trials.drop(SHARED).whole:
-        cells = trials[name]
-        columns[name] = [number(cells[part], None if labels is None else labels[part]) for part in parts]
-    return [nested({name: own[k] for name, own in columns.items()}) for k in range(len(parts))]
+    found = []
+    for _, own in trials.groups(*by):
+        labels = own[SHARED] if SHARED in own.whole else None
+        found.append(nested({name: number(own[name], labels) for name in own.drop(SHARED).whole}))
+    return found
 
 
 def number(cells: Cells, trials: Cells | None = None) -> Any:
@@ -232,12 +209,11 @@ def matched(rows: Trials, others: Trials, value: str, by: Sequence[str]) -> Cell
     Returns:
         The quantity, (rows,).
     """
-    ours, theirs = numbered([[rows[name], others[name]] for name in by], [len(rows), len(others)])
-    place = np.full(1 + max(ours.max(initial=0), theirs.max(initial=0)), -1)
-    place[theirs] = np.arange(len(theirs))
-    if (place[ours] < 0).any():
+    place = {key: k for k, key in enumerate(others.keys(*by))}
+    ours = [*rows.keys(*by)]
+    if {*ours} - place.keys():
         raise KeyError(f"rows without another one that is alike in {', '.join(by)}")
-    return np.asarray(others[value][place[ours]])
+    return np.asarray(others[value][[place[key] for key in ours]])
 
 
 def find(rows: Sequence[Row], **alike: Any) -> Row:

@@ -23,6 +23,8 @@ from testbench.runs.whole import restore
 
 # --- One file per run: strict, closed in any case, written only when it is whole; and what draws in it ------
 
+rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
+
 SCRUB = 10.0  #: How long the timeline that a reader lands on is played [s].
 MARKDOWN = "text/markdown"
 MANY = 60  #: Rows beyond which dots of a plot are small, and lines join those of the first model alone.
@@ -76,8 +78,17 @@ class Pen:
         self.stream.send_columns(path, self.times, columns)
 
     def layout(self, *tabs: rrb.Container | rrb.View, timeline: str | None, places: int) -> None:
-        """Embed the layout; see `layout`."""
-        self.stream.send_blueprint(layout(*tabs, timeline=timeline, places=places))
+        """Embed the layout: tabs, the first in front, and the timeline that a reader lands on, if any.
+
+        That many places on the timeline are played in SCRUB seconds.
+        """
+        fps = max(1.0, places / SCRUB)
+        panel = rrb.TimePanel(
+            timeline=timeline, state="collapsed" if timeline else "hidden", play_state="paused", fps=fps
+        )
+        self.stream.send_blueprint(
+            rrb.Blueprint(rrb.Tabs(*tabs, active_tab=0), panel, auto_views=False, collapse_panels=True)
+        )
 
     def texts(self, path: str, texts: Sequence[str]) -> None:
         """Markdown, one a time."""
@@ -118,30 +129,25 @@ def recording(path: Path, header: RecordingHeader, words: Sequence[str] = ()) ->
         header: What identifies it.
         words: What else tells it from recordings of another layout: the viewer keeps one an application id.
     """
-    strict = rr.strict_mode()
-    rr.set_strict_mode(True)  # otherwise a wrong argument only warns, and the data are lost
     about = f"{header.scenario} {header.parameters} {header.seed}"
     application, digest = (
         hashlib.sha256(own.encode()).hexdigest()[:16] for own in ("\0".join([about, *words]), about)
     )
+    # The stream's own properties hold the time of writing, and its chunks end by the clock: with either
+    # equal seeds would differ.
+    batches = rr.ChunkBatcherConfig.NEVER()
+    stream = rr.RecordingStream(
+        f"testbench_{application}", recording_id=digest, send_properties=False, batcher_config=batches
+    )
     try:
-        # The stream's own properties hold the time of writing, and its chunks end by the clock: with
-        # either equal seeds would differ.
-        batches = rr.ChunkBatcherConfig.NEVER()
-        stream = rr.RecordingStream(
-            f"testbench_{application}", recording_id=digest, send_properties=False, batcher_config=batches
-        )
-        try:
-            stream.set_log_time_enabled(False)
-            stream.set_log_tick_enabled(False)
-            memory = stream.memory_recording()
-            _write_properties(stream, header)
-            yield Pen(stream)
-            path.write_bytes(memory.drain_as_bytes())
-        finally:
-            stream.disconnect()
+        stream.set_log_time_enabled(False)
+        stream.set_log_tick_enabled(False)
+        memory = stream.memory_recording()
+        _write_properties(stream, header)
+        yield Pen(stream)
+        path.write_bytes(memory.drain_as_bytes())
     finally:
-        rr.set_strict_mode(strict)
+        stream.disconnect()
 
 
 def _write_properties(stream: rr.RecordingStream, header: RecordingHeader) -> None:
@@ -150,26 +156,9 @@ def _write_properties(stream: rr.RecordingStream, header: RecordingHeader) -> No
     stream.send_property("versions", rr.AnyValues(drop_untyped_nones=True, **versions()))
 
 
-def layout(*tabs: rrb.Container | rrb.View, timeline: str | None, places: int) -> rrb.Blueprint:
-    """The blueprint of a study: tabs, the first in front, and the timeline that a reader lands on, if any.
-
-    That many places on the timeline are played in SCRUB seconds.
-    """
-    fps = max(1.0, places / SCRUB)
-    return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=0),
-        rrb.TimePanel(
-            timeline=timeline, state="collapsed" if timeline else "hidden", play_state="paused", fps=fps
-        ),
-        auto_views=False,
-        collapse_panels=True,
-    )
-
-
 # --- The newest recording of a run, and Rerun's own viewer that opens it, in a window or in a browser -------
 
 HERE = "127.0.0.1"  #: The address of this machine that no other one reaches.
-BEGINS = b"RRF2"  #: What a recording of Rerun begins with.
 ENDS, LAST = b"RRF2FOOT", 32
 """What stands at the end of one that was closed, and among how many bytes there."""
 VERIFIED = b"1 file verified"  #: What the viewer's program says of a sound one.
@@ -187,7 +176,6 @@ def newest(folder: Path) -> Path:
 
     Raises:
         BenchError: When there is none.
-        InputError: When it is no recording.
     """
     if folder.is_file() and folder.suffix == ".rrd":
         paths = [folder]
@@ -200,11 +188,7 @@ def newest(folder: Path) -> Path:
             f"no recording (*.rrd) in {folder}: expected the --out folder of a command or study; "
             "predict and compensate leave one with --recording"
         )
-    file = max(paths, key=lambda file: file.stat().st_mtime).absolute()
-    with file.open("rb") as opened:
-        if opened.read(len(BEGINS)) != BEGINS:
-            raise InputError(file, "", "is not a Rerun recording; run the study or the command again")
-    return file
+    return max(paths, key=lambda file: file.stat().st_mtime).absolute()
 
 
 def check_whole(file: Path) -> None:
