@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Literal
 
 import numpy as np
 from matplotlib import rcParams
@@ -826,19 +826,30 @@ def _stack(part: Figure | SubFigure, chosen: Sequence[Axes]) -> list[float]:
             label.set(fontsize=MIN_LETTER_SIZE, linespacing=1.0)
     for legend in [*part.legends]:
         part.legends.remove(legend)
-        _narrow_key(part, legend, loc="outside lower center")
+        _narrow_key(part, legend)
     for axes in chosen:
         if (key := axes.get_legend()) and _beside(axes, key):
-            _narrow_key(axes, key, loc="upper center", bbox_to_anchor=(0.5, -0.2))
+            _narrow_key(axes, key)
     own = sum(-(-len(key.get_texts()) // _columns(key)) for key in part.legends)
     return [*heights, KEY_LINE * own]
 
 
-def _narrow_key(part: Axes | Figure | SubFigure, legend: Legend, **where: Any) -> None:
-    """Make a key again in as few columns as have room; a key that is made keeps its columns."""
+def _narrow_key(part: Axes | Figure | SubFigure, legend: Legend) -> None:
+    """Make a key again below a part, in as few columns as have room; a key that is made keeps its columns."""
     handles = [own for own in legend.legend_handles if own is not None]
-    labels, wide = [text.get_text() for text in legend.get_texts()], float(legend.handlelength)
-    part.legend(handles, labels, ncols=_columns(legend), handlelength=wide, **where)
+    labels, columns = [text.get_text() for text in legend.get_texts()], _columns(legend)
+    wide = float(legend.handlelength)
+    if isinstance(part, Axes):
+        part.legend(
+            handles,
+            labels,
+            ncols=columns,
+            handlelength=wide,
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.2),
+        )
+    else:
+        part.legend(handles, labels, ncols=columns, handlelength=wide, loc="outside lower center")
 
 
 def _columns(legend: Legend) -> int:

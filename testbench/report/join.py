@@ -6,16 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from testbench.errors import BenchError
 from testbench.plant.true_arms import FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import Badge, decide
 from testbench.report.report import number
 from testbench.report.schema import ALIKE, true_arm_label
-from testbench.report.table import MODEL as NAME
-from testbench.report.table import TRIAL, Row, finite
+from testbench.report.table import Row, finite
 from testbench.runs.manifest import Finished
 from testbench.runs.spread import (
     SAME_ERROR,
@@ -205,28 +202,9 @@ def _trials(run: Finished) -> Mapping[tuple[str, str], Sequence[BySeed]]:
     path = run.folder / WHOLE
     if not run.several or not path.is_file():
         return {}
-    from testbench.runs.store import opened  # here: few runs have trials
+    from testbench.runs.store import series  # here: few runs have trials
 
-    with opened(path) as file:
-        schema = file.schema_arrow
-        texts = [own.name for own in schema if pa.types.is_string(own.type)]
-        heads = [name.removesuffix(NAME) for name in texts if f".{name}".endswith(f".{NAME}")]
-        errors = [(head, kind, f"{head}{kind}.rms_mm") for head in heads for kind in KINDS]
-        errors = [own for own in errors if own[2] in schema.names]
-        if not errors:
-            return {}
-        under = errors[0][0]
-        words = [f"{under}{NAME}", *(name for name in texts if not name.startswith(under))]
-        cells = file.read([TRIAL, *words, *(value for *_, value in errors)], use_threads=False)
-    found: dict[tuple[str, str], list[BySeed]] = {}
-    for _, kind, value in (own for own in errors if own[0] == under):
-        known = cells.filter(pc.is_finite(pc.field(value)))
-        conditions = known.group_by(words, use_threads=False).aggregate([(TRIAL, "list"), (value, "list")])
-        for row in conditions.to_pylist():
-            seeds, numbers = row[f"{TRIAL}_list"], row[f"{value}_list"]
-            if len({*seeds}) == len(seeds):  # else the words do not say all of the condition
-                found.setdefault((row[words[0]], kind), []).append(dict(zip(seeds, numbers, strict=True)))
-    return found
+    return series(path, {kind: f"{kind}.rms_mm" for kind in KINDS})
 
 
 def _seeds(conditions: Sequence[BySeed], reported: Number) -> BySeed:

@@ -110,6 +110,7 @@ def _differences(prefix: str, have: object, want: Mapping[str, Any]) -> dict[str
 
 GROUP = 2**15  #: Rows of a row group.
 MAX_BYTES = 10**10  #: Of a file.
+MODEL = "name"  #: Column of models.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
 
@@ -233,7 +234,7 @@ def write_trials(path: Path, table: pa.Table) -> None:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[parquet.ParquetFile]:
+def _opened(path: Path) -> Iterator[parquet.ParquetFile]:
     """Open a file of trials; InputError where the block finds it damaged."""
     try:
         with open_file(path, MAX_BYTES):
@@ -258,7 +259,7 @@ def read_about(path: Path, *keys: str) -> list[Any]:
     Raises:
         InputError: When it is damaged, or no file of trials.
     """
-    with opened(path) as file:
+    with _opened(path) as file:
         about = file.schema_arrow.metadata or {}
         return [json.loads(about[key.encode()]) for key in keys]
 
@@ -276,12 +277,45 @@ def read_trials(path: Path, schema: pa.Schema) -> pa.Table:
     Raises:
         InputError: When it is damaged, or has other columns.
     """
-    with opened(path) as file:
+    with _opened(path) as file:
         found = file.read(use_threads=False)
         if not found.schema.equals(schema):
             differ = sorted({*found.schema.names} ^ {*schema.names}) or ["types of columns"]
             raise ValueError(f"expected the columns of this study; these differ: {', '.join(differ)}")
         return found
+
+
+def series(path: Path, keys: Mapping[str, str]) -> dict[tuple[str, str], list[dict[int, float]]]:
+    """Read numbers of models by seed, of every condition that the words of a row name.
+
+    Args:
+        path: trials.parquet, perhaps of another study than ours.
+        keys: Columns of the numbers beside that of the model's name, each by what it is called.
+
+    Returns:
+        Finite numbers by seed, a condition each, by model and what they are called.
+
+    Raises:
+        InputError: When the file is damaged.
+    """
+    with _opened(path) as file:
+        schema = file.schema_arrow
+        texts = [own.name for own in schema if pa.types.is_string(own.type)]
+        heads = [name.removesuffix(MODEL) for name in texts if f".{name}".endswith(f".{MODEL}")]
+        under = next((head for head in heads if any(head + key in schema.names for key in keys.values())), "")
+        wanted = {own: under + key for own, key in keys.items() if heads and under + key in schema.names}
+        words = [under + MODEL, *(name for name in texts if not name.startswith(under))] if wanted else []
+        cells = file.read([SEED, *words, *wanted.values()], use_threads=False)
+    found: dict[tuple[str, str], list[dict[int, float]]] = {}
+    for name, key in wanted.items():
+        known = cells.filter(pc.is_finite(pc.field(key)))
+        conditions = known.group_by(words, use_threads=False).aggregate([(SEED, "list"), (key, "list")])
+        for row in conditions.to_pylist():
+            seeds, numbers = row[f"{SEED}_list"], row[f"{key}_list"]
+            if len({*seeds}) == len(seeds):  # else the words do not name all of the condition
+                own = found.setdefault((row[under + MODEL], name), [])
+                own.append(dict(zip(seeds, numbers, strict=True)))
+    return found
 
 
 PARTS, WHOLE = "trials", "trials.parquet"
