@@ -117,7 +117,7 @@ def verdicts(factor):
     errors = [0.2 * factor.get(name, 1.0) * (1 + 0.01 * k) for k, name in enumerate(SECTION_6)]
     names = [section_6.NAMES[name] for name in SECTION_6] * SEEDS
     seeds = np.repeat(range(SEEDS), len(SECTION_6)).tolist()
-    trials = Trials.holding({"name": names, "seed": seeds, "check.rms_mm": errors * SEEDS})
+    trials = Trials({}).add(name=names, seed=seeds, **{"check.rms_mm": errors * SEEDS})
     return {row.claim: row for row in section_6._judged(Row(models=models), trials)}
 
 

@@ -32,6 +32,6 @@ def test_the_winner_and_its_rival_stand_with_the_numbers_of_their_rows(keys, abo
 def test_fits_that_were_not_solved_are_counted_by_model_and_few_trials_are_named():
     names, status = ["a", "b"] * 20, ["solved", "solved"] * 18 + ["stopped", "solved"] * 2
     seeds = np.repeat(range(20), 2)
-    trials = Trials.holding({"name": names, "status": status, "seed": seeds})
+    trials = Trials({}).add(name=names, status=status, seed=seeds)
     assert warnings(trials) == ["a was not solved in 2 of 20 fits."]
     assert warnings(trials.where(seed=0)) == [FEW]
