@@ -20,7 +20,11 @@ from testbench.report.recording.run import (
     CHART_HIGH,
     LEAST_CHART,
     LINE,
+    _beyond,
+    _from_zero,
     _heights,
+    _legend_room,
+    _seen,
     write_run,
 )
 from testbench.report.recording.stream import RecordingHeader
@@ -608,3 +612,70 @@ def test_errors_are_drawn_at_the_target_where_the_model_errs_most():
     assert start[:, 0] == pytest.approx(at[[0, 1], [1, 2]])
     assert one["b"][:, 0] == pytest.approx(np.array([[1.0] * 3, [2.0] * 3]))
     assert one["a"].shape == (2, 1, 3)
+
+
+def test_names_beside_an_axis_stand_apart_however_many_they_are(seen, tmp_path):
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot(np.arange(17.0), np.arange(17), "o")
+    axes.set_yticks(range(17), [f"model {k}" for k in range(17)])
+    axes.set(xlabel="error [mm]", ylabel="true arm", ylim=(16.5, -0.5))
+    chunks = sound(written(tmp_path / "a.rrd", seen, chart=figure), "It is 3.000 mm off.")
+    at = np.array(columns(chunks, "/figures/chart_0/y_numbers")["Points2D:positions"][0])
+    dots = np.array(columns(chunks, "/figures/chart_0/dots")["Points2D:positions"][0])
+    assert np.diff(at[:, 1]) == pytest.approx(np.diff(dots[:, 1]))
+    assert np.diff(at[:, 1]).min() > 10
+    assert columns(chunks, "/figures/chart_0/y_name")["Points2D:labels"] == [["true arm"]]
+
+
+@pytest.mark.parametrize(("count", "letters"), [(2, 30), (6, 8)])
+def test_the_legend_of_a_chart_covers_no_number(seen, count, letters):
+    line = seen.runs[0].lines[0]
+    lines = [replace(line, name=f"{k}" * letters, values=np.full(5, 2.0), ends=None) for k in range(count)]
+    chart = replace(seen.runs[0], lines=lines, limit=None)
+    above, aside = _legend_room(chart, 28 + 25 + 250)
+    top = _from_zero(chart, above).range.as_arrow_array().to_pylist()[0][1]
+    last = _beyond(40, aside).view_range.as_arrow_array().to_pylist()[0]["end"]
+    wide, high = (40 + 5.5 * letters) / 620, 23.5 * count / 250  # as the viewer draws it [pixel]
+    assert (1 - high) * top >= 2.0 or (1 - wide) * last >= 40
+
+
+def test_what_is_dark_or_pale_on_paper_is_seen_on_any_ground():
+    assert _seen((0.1, 0.1, 0.1)) == _seen((1.0, 1.0, 1.0)) == GREY
+    assert _seen((1.0, 0.5, 0.0)) == (255, 128, 0)
+
+
+def test_layers_that_look_alike_share_their_colour_in_words(seen, tmp_path):
+    first = seen.scene.groups[0]
+    tube = replace(first.layers[2], kind="tubes", labels=(), values=np.ones(first.layers[2].at.shape[1]))
+    layers = [replace(tube, name="before"), first.layers[0], replace(tube, name="after")]
+    page = replace(seen, scene=replace(seen.scene, groups=[replace(first, layers=layers)]), map=None)
+    chunks = sound(written(tmp_path / "a.rrd", page), "It is 3.000 mm off.")
+    assert "Tubes: before, after; rust dots: target as read." in document(chunks, "/here/runs")
+
+
+@pytest.mark.parametrize(("second", "written_again"), [("grows", False), ("falls", True)])
+def test_panes_with_the_same_key_have_it_once_and_axes_of_one_width(tmp_path, second, written_again):
+    figure = Figure()
+    for axes, label in zip(figure.subplots(2, 1), ("grows", second), strict=True):
+        axes.plot([0.0, 1.0], [0.0, 1.0], color="#C88304", label=label)
+        axes.set_yticks([0, 1], ["soft arm", "stiff arm"])
+        axes.set(xlabel="error [mm]", xlim=(0, 1), ylim=(0, 1))
+    chunks = sound(written(tmp_path / "a.rrd", PageContent(), Chart=figure), "It is 3.000 mm off.")
+    keys = [columns(chunks, f"/figures/chart_{k}/key_0").get("Points2D:labels") for k in (0, 1)]
+    assert keys == [[["grows"]], [[second]] if written_again else None]
+    corners = [columns(chunks, f"/figures/chart_{k}/axes")["LineStrips2D:strips"][0] for k in (0, 1)]
+    assert corners[0] == corners[1]
+
+
+def test_places_of_a_map_have_words_without_the_colours_of_what_is_not_drawn_there(seen, tmp_path):
+    first, places = seen.scene.groups
+    dots = replace(first.layers[0], at=seen.map.at[:, None], labels=())
+    groups = [first, replace(places, layers=[dots])]
+    own = replace(seen, scene=replace(seen.scene, groups=groups))
+    chunks = sound(written(tmp_path / "a.rrd", own), "It is 3.000 mm off.")
+    with_colours, alone = (
+        columns(chunks, f"/{name}/places")["TextDocument:text"] for name in ("here", "place")
+    )
+    assert all("rust dots: " in text.lower() for [text] in with_colours)
+    assert not any("dots: " in text.lower() for [text] in alone)

@@ -339,6 +339,7 @@ def check_residuals(axes, row, look):
     x, y = curve.get_data()
     area = row.n * (row.edges_um[1] - row.edges_um[0])
     np.testing.assert_allclose(y, area * norm(row.mean_um, row.deviation_um).pdf(x))
+    assert axes.get_xlabel() == "residual [µm]"
     assert axes.get_ylim()[1] > max(*row.counts, *y)
     said = axes.texts[0].get_text()
     assert f"n {row.n}," in said
@@ -354,6 +355,8 @@ def check_predictions(axes, found, names):
         np.testing.assert_array_equal(own.get_xdata(), found.measured_mm)
         np.testing.assert_array_equal(own.get_ydata(), found.predicted_mm[name])
     np.testing.assert_array_equal(*line.get_data())
+    assert axes.get_xlabel().endswith(" deflection [mm]")
+    assert axes.get_ylabel() == "predicted [mm]"
 
 
 @pytest.fixture(scope="module")
@@ -419,7 +422,14 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     figure = model_figure(Row(f, identifiability=Row(help=proposals)), LOOKS)
     figure.draw_without_rendering()
     check_legible(figure)
-    _, _, sag, stiff, told, parts, last = figure.axes
+    first, _, sag, stiff, told, parts, last = figure.axes
+    assert [axes.get_xlabel() for axes in (first, sag, stiff, parts, last)] == [
+        "eigenvalue [µrad/(N m)]",
+        "share of the load's deflection [%]",
+        f"stiffness [{f.details.joints[0].unit}]",
+        "prior variance removed [%]",
+        "expected error at random poses [mm]",
+    ]
     check_bars(sag, [row.part for row in f.details.sag], [row.share_percent for row in f.details.sag])
     check_bars(parts, [row.part for row in f.seen.blocks], [row.told_percent for row in f.seen.blocks])
     check_bars(last, ["way 1", "way 2", "way 3"], [0.1, 0.2, 0.3])

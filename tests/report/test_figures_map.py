@@ -163,3 +163,30 @@ def test_the_arm_is_drawn_where_it_reaches_forward_at_a_typical_distance(arm_6r)
     check = error_map(seen.map, "arm", silhouette(seen, seen.map))
     check.draw_without_rendering()
     check_legible(check)
+
+
+def test_the_two_views_of_a_single_map_stand_side_by_side_and_fill_the_width():
+    figure = error_map(mapped(MGCO56=MAPS["MGCO56"]), "arm under 9 kg", ARM)
+    figure.draw_without_rendering()
+    check_legible(figure)
+    side, above, bar = figure.axes
+    assert (side.get_ylabel(), above.get_ylabel()) == tuple(
+        f"at {'xyz'[across]} = {level:.1f} m\n{'xyz'[3 - across]} [m]" for across, level in LEVELS.items()
+    )
+    left, right = side.get_window_extent(), above.get_window_extent()
+    assert left.x1 < right.x0
+    assert left.width == pytest.approx(right.width, abs=1)  # one scale of metres
+    assert (bar.bbox.x1 - left.x0) / figure.bbox.width > 0.75
+    assert (left.width + right.width) / figure.bbox.width > 0.5
+
+
+@pytest.mark.parametrize("models", [["MLS56", "MGCO56"], ["MLS56", "Joints", "MGCO56"]])
+def test_the_height_of_a_figure_of_maps_follows_from_what_is_in_it(models):
+    rng = np.random.default_rng(6)
+    values = {name: rng.uniform(1, 2, 60) for name in models}
+    figure = error_map(mapped(**values), "arm under 9 kg", ARM)
+    figure.draw_without_rendering()
+    across = (len(figure.axes) - 1) // 2
+    for upper, lower in zip(figure.axes[:across], figure.axes[across : 2 * across], strict=True):
+        gap = upper.get_window_extent().y0 - lower.get_window_extent().y1
+        assert 0 < gap / figure.dpi < 0.35

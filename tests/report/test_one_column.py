@@ -9,7 +9,7 @@ from legible import check_legible
 from made_up_run import REPORT, made_up_run
 
 from testbench.report.figure import for_column, forest, one_column, page, ranges, say, sweeps
-from testbench.report.run_figure import overview
+from testbench.report.run_figure import error_map, overview
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row
 from testbench.runs.spread import spread
@@ -98,3 +98,26 @@ def test_labels_of_runs_are_left_out_until_none_touch_and_the_key_is_below(arm_6
     shown = [text.get_text() for text in runs.get_xticklabels()]
     assert 5 <= sum(map(bool, shown)) < len(shown)
     assert runs.get_legend().get_window_extent().y1 < runs.get_window_extent().y0
+
+
+def test_a_key_of_several_columns_has_one_where_names_are_long_each_beside_its_own_line():
+    swept = Table((NAME, SIZE, ERROR), [row for k in (1.0, 10.0, 100.0) for row in rows(size=k)])
+    figure = sweeps({"Left": swept, "Right": swept}, "One wins", "Words.")
+    own = {line.get_label(): line.get_color() for line in figure.axes[0].get_lines()}
+    [key] = [key for part in (figure, *figure.subfigs) for key in part.legends]
+    stacked(figure)
+    narrow = one_column(figure)
+    narrow.draw_without_rendering()
+    [narrowed] = [key for part in (narrow, *narrow.subfigs) for key in part.legends]
+    for found in (key, narrowed):
+        handles = zip(found.get_texts(), found.legend_handles, strict=True)
+        assert {text.get_text(): handle.get_color() for text, handle in handles} == own
+    boxes = [text.get_window_extent() for text in narrowed.get_texts()]
+    assert all(above.y0 > below.y1 - 2 for above, below in pairwise(boxes))
+
+
+def test_maps_stand_below_each_other_with_their_bar(arm_6r):
+    seen = made_up_run(arm_6r)
+    [side] = stacked(error_map(seen.map, "Under load"))  # both do not fit, and half a map says where it errs
+    assert side.get_xlabel() == "x [m]"
+    assert seen.map.lines[-1].name in side.get_title()

@@ -10,12 +10,13 @@ from made_up_run import REPORT, made_up_run
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from PIL import Image
 from reports import check_forest
 
 from testbench.plant.shapes import hull_points, visual_shapes
 from testbench.report import figure as figures
 from testbench.report.colours import SCALE, hexadecimal, look
-from testbench.report.figure import SOFT, forest, log_ticks, page, say, sweeps
+from testbench.report.figure import SOFT, forest, headed, labelled, log_ticks, page, say, sweeps
 from testbench.report.run_figure import headline, outlines, overview
 from testbench.report.scene import loads, scale_of
 from testbench.report.schema import Table, TableColumn
@@ -359,3 +360,69 @@ def test_a_scale_is_logarithmic_where_one_model_errs_far_more_and_says_so():
         assert scale.shares(scale.errors(share)) == pytest.approx(share, abs=1e-12)
     assert apart.shares(np.array([0.1 * 2**0.5]))[0] == pytest.approx(0.5)
     assert scale_of(np.array([0.0, 1e-9, 3.0])).ends == (0.003, 3.0)  # zero has no logarithm
+
+
+@pytest.mark.parametrize(
+    ("names", "level"), [([f"{k}" for k in range(1, 22)], True), (["cut 12"] * 16, False)]
+)
+def test_names_of_runs_are_level_where_they_have_room(seen, names, level):
+    k = np.arange(len(names))
+    chart = replace(
+        seen.runs[0], labels=names, lines=[replace(seen.runs[0].lines[0], values=0.1 * k, ends=None)]
+    )
+    figure = overview(REPORT, replace(seen, scene=None, tables=[], runs=(chart,)))
+    figure.draw_without_rendering()
+    check_legible(figure)
+    assert {text.get_rotation() for text in figure.axes[0].get_xticklabels()} == {0.0 if level else 45.0}
+
+
+@pytest.mark.parametrize(
+    "own", [("MLS56", "MLS56", "none"), ("Joints", "Joints", "none"), ("MGCO56", "MGCO56", "psd")]
+)
+def test_bands_are_seen_in_the_few_colours_of_a_file(own, pixels, tmp_path):
+    wide = spread(np.geomspace(0.1, 10.0, 21))  # the line is at 1, its band far around it
+    rows = [model(*own, wide, n=k) for k in (1, 2)]
+    figure = sweeps({"": Table((COLUMNS[0], COLUMNS[2], COLUMNS[1]), rows)}, "One wins", "")
+    with pixels():
+        figures.save(figure, tmp_path / "one.png")
+    [axes] = figure.axes
+    x, y = axes.transData.transform((1.5, 3.0)).round().astype(int)
+    with Image.open(tmp_path / "one.png") as picture:
+        whole = picture.convert("RGB")
+        assert whole.getpixel((int(x), whole.height - int(y))) != whole.getpixel((0, 0))
+
+
+@pytest.mark.parametrize(("unit", "shown"), [("um", "µm"), ("urad/(N m)", "µrad/(N m)"), ("mm", "mm")])
+def test_axes_write_micrometres_as_they_are_written(unit, shown):
+    assert labelled(TableColumn("a", "sum of rms", unit)) == f"sum of rms [{shown}]"
+
+
+def test_the_bent_arm_is_in_the_key_where_one_is_drawn(figure, seen):
+    def keys(drawn):
+        return [text.get_text() for text in drawn.axes[2].get_legend().get_texts()]
+
+    assert keys(figure)[-1] == "arm, bent"
+    own = replace(seen.scene.groups[0], bent=None)
+    assert "arm, bent" not in keys(overview(REPORT, replace(seen, scene=replace(seen.scene, groups=[own]))))
+
+
+def test_the_winner_is_the_widest_line_of_a_figure_and_joint_stiffness_the_next():
+    figure = Figure()
+    axes = figure.subplots()
+    lines = {name: axes.plot([1, 2], label=name)[0] for name in ("MLS56", "Joints", "MGCO56")}
+    headed(figure, "Holds: so it is.", "MLS56")
+    for key in ("linewidth", "markersize", "zorder"):
+        ours, joints, other = (getattr(line, f"get_{key}")() for line in lines.values())
+        assert ours > joints >= other
+    assert lines["Joints"].get_linewidth() > lines["MGCO56"].get_linewidth()
+    assert figure.get_suptitle().startswith("Holds: so it is")
+    tick = axes.xaxis.get_major_ticks()[0].tick1line  # bears no name, and so is no winner of a tie
+    before = tick.get_markersize()
+    headed(figure, "")
+    assert tick.get_markersize() == before
+
+
+def test_a_line_alone_has_no_key_and_two_have_one(figure, seen):
+    assert [text.get_text() for text in figure.axes[-1].get_legend().get_texts()] == ["other", "one"]
+    alone = replace(seen.runs[0], lines=seen.runs[0].lines[:1])
+    assert overview(REPORT, replace(seen, runs=(alone,))).axes[-1].get_legend() is None

@@ -1,4 +1,4 @@
-"""Roles of colours: one a model, told apart, seen on any ground."""
+"""Roles of colours: one a model, told apart, seen on any ground, and purple is load alone."""
 
 from itertools import combinations
 
@@ -7,7 +7,8 @@ import pytest
 
 from testbench.model.structure import all153, template56
 from testbench.report import colours
-from testbench.report.colours import CHOICE, SERIES, look
+from testbench.report.colours import CHOICE, SCALE, SERIES, look
+from testbench.report.recording import run
 from testbench.studies.campaign.identifiability import FILLERS, GCO, LS
 from testbench.workflows.models import MODELS, named_models
 
@@ -44,6 +45,12 @@ def cielab(colour, eye=NORMAL):
     x = XYZ @ np.clip(eye @ linear(colour), 0, 1) / WHITE
     f = np.where(x > 216 / 24389, np.cbrt(x), (24389 / 27 * x + 16) / 116)
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def hue(colour):
+    """In CIELAB [deg], and the chroma."""
+    _, red, yellow = cielab(colour)
+    return np.degrees(np.arctan2(yellow, red)) % 360, np.hypot(red, yellow)
 
 
 def apart(one, other, eye=NORMAL):
@@ -116,6 +123,14 @@ def test_lines_and_dots_stand_out_from_a_page_and_from_the_dark(ground):
     assert dim == {}
 
 
+def test_the_ramp_of_maps_is_brighter_all_the_way_for_every_eye_and_seen_on_both_grounds():
+    assert min(contrast(c, ground) for c in SCALE for ground in GROUNDS) > 1.75
+    for eye in (NORMAL, PROTANOPE, DEUTERANOPE):
+        light = [cielab(colour, eye)[0] for colour in SCALE]
+        assert light[-1] - light[0] > 40
+        assert np.diff(light) == pytest.approx((light[-1] - light[0]) / (len(SCALE) - 1), rel=0.15)
+
+
 def test_least_squares_and_gco_differ_in_shape_in_space():
     assert {look("MLS56", "none").stroke, look("MLS32", "none", prior=True).stroke} == {"lines"}
     assert {look("MGCO56", "psd").stroke, look("Joints", "none").stroke, CHOICE.stroke} == {"arrows"}
@@ -124,6 +139,18 @@ def test_least_squares_and_gco_differ_in_shape_in_space():
 def test_models_and_roles_are_told_apart_by_colour_alone():
     assert [pair for pair in combinations(EVERY, 2) if apart(*map(EVERY.get, pair)) < APART] == []
     assert min(apart(a, b) for a, b in combinations(SERIES, 2)) > APART
+
+
+def test_purple_is_load_and_nothing_else():
+    for name, colour in [*EVERY.items(), *((c, c) for c in (*SCALE, *SERIES))]:
+        angle, chroma = hue(colour)
+        assert (chroma > 10 and 300 < angle < 358) == (name == "LOAD"), (name, angle)
+
+
+def test_words_for_colours_call_no_model_by_the_colour_of_another_role():
+    roles = {run._hue(getattr(colours, name)) for name in ("NOMINAL", "MEASURED", "LOAD", "TASK", "GREY")}
+    called = {name: run._hue(own.colour) for name, own in TOGETHER.items() if run._hue(own.colour) in roles}
+    assert called == {}
 
 
 def test_one_model_has_one_colour_whatever_a_study_calls_its_structure():
@@ -140,3 +167,8 @@ def test_models_of_an_arm_of_five_joints_look_as_those_of_six(slides):
     same = {joints: "Joints", template: "MGCO56", full: "MGCO147", every: "ALL153"}
     for own, kin in same.items():
         assert look(own, "psd", prior=own == every) == look(kin, "psd", prior=own == every)
+
+
+def test_least_squares_is_orange_gco_green_and_joints_alone_blue():
+    found = [hue(look(name, method(name)).colour)[0] for name in ("MLS56", "MGCO56", "Joints")]
+    assert found == pytest.approx((75, 155, 285), abs=15)

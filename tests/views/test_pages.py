@@ -11,6 +11,8 @@ import write_paper
 from blocks import FROM, PLAIN, expected, fill
 from run_here import app_of, here, numbers_alone
 from stamps import digest, read_stamp
+from words import SHARE, long_sentences, sentences
+from words import pages as all_pages
 
 from testbench import __version__
 from testbench.errors import InputError
@@ -154,3 +156,17 @@ def test_verdicts_of_the_article_are_those_of_the_studies():
     assert len(found) > 5
     for name, badge in found:
         assert f"\n> {badge}\n" in (ROOT / f"docs/studies/{name}.md").read_text(), name
+
+
+def test_words_counts_sentences_of_prose_alone():
+    code = "    code. code.\n\n```sh\nx. y.\n```\n"
+    text = (
+        f"# Title\n\nOne two. Three [four](five.md)!\n\n- six\n- seven\n\n| a. b |\n\n$$\na. b.\n$$\n\n{code}"
+    )
+    assert sentences(text) == ["One two.", "Three four!", "- six", "seven"]
+
+
+def test_few_sentences_of_the_docs_are_long():
+    counted = [long_sentences(page) for page in all_pages()]
+    assert len(counted) > 60
+    assert sum(len(beyond) for beyond, _ in counted) <= SHARE * sum(every for _, every in counted)
