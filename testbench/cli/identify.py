@@ -1,7 +1,7 @@
 """testbench identify ARM DATA: fit stiffness models to measured runs, and say which one to take."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +15,7 @@ from testbench.identify.prior import PriorUncertainty, cad_prior
 from testbench.model.laws import joint_laws
 from testbench.report import terminal
 from testbench.report.fitted_runs import badge, ratios_to_chosen, seen, warnings
-from testbench.report.markdown import Markdown, place
+from testbench.report.markdown import Markdown
 from testbench.report.report import MAP, Report, RunRequest, say, write_run
 from testbench.report.scene import PageContent
 from testbench.report.schema import Table, TableColumn, columns
@@ -48,10 +48,10 @@ MODELS = (
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 WORST = (
     TableColumn("name", "model"),
-    TableColumn("half_mm", "95 % half width, median", "mm", none="no bound"),
+    TableColumn("typical_mm", "95 % half width, median", "mm", none="no bound"),
     TableColumn("worst_mm", "95 % half width, largest", "mm", none="no bound"),
     TableColumn("unbounded", "poses without bound", form="d"),
-    TableColumn("place", "place of the largest half width"),
+    TableColumn("place", "place of the largest half width, m"),
     TableColumn("joints", "joint angles there"),
 )
 SINGLE = TableColumn("quantity", "quantity"), TableColumn("value", "value", form=",.5g")
@@ -171,7 +171,7 @@ def report(f: Row) -> Report:
     tables = {
         "models": table_of(f, MODELS),
         "fit": Table(SINGLE, _fit(f), "The fit"),
-        "elsewhere": Table(WORST, [*_elsewhere(f)], "Uncertainty at other poses"),
+        "elsewhere": Table(WORST, f.map.errors.rows()[::-1] if f.map else [], "Uncertainty at other poses"),
         "laws": Table(laws, f.laws, "Joints that are more than linear springs"),
         "runs": Table(
             columns("which_run pose moved_mm taken_mm"),
@@ -234,14 +234,3 @@ def _fit(f: Row) -> list[Row]:
         "largest number of independent equations from these runs": rest.get("equations"),
     }
     return [Row(quantity=name, value=value) for name, value in pairs.items() if value is not None]
-
-
-def _elsewhere(f: Row) -> Iterator[Row]:
-    """List half widths over the workspace, by model."""
-    for name in f.map.errors.compared[::-1] if f.map else ():
-        errors, worst = f.map.errors, f.map.errors.worst.get(name)
-        row = Row(name=name, half_mm=errors.typical_mm(name), unbounded=errors.unbounded(name))
-        at = {"worst_mm": None, "place": "no pose has a bound", "joints": ""}
-        if worst is not None:
-            at = {"worst_mm": worst.error_mm, "place": place(worst.position_m), "joints": worst.joints}
-        yield Row(row, **at)

@@ -11,7 +11,7 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.errors import Array, Ids
 from testbench.model.vjm import tool_poses
-from testbench.runs.rows import Row
+from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
 from testbench.workflows.rows import MM, rounded
 
@@ -71,6 +71,22 @@ class ErrorPlaces:
     def unbounded(self, name: str) -> int:
         """Count the places at which a model has no bound."""
         return int(np.isnan(self.error_mm[name]).sum())
+
+    def rows(self) -> list[Row]:
+        """List the typical and the largest error of every model that is compared, and where that is."""
+        nowhere = Row(error_mm=None, position_m=(), joints="")
+        worst = {name: self.worst.get(name, nowhere) for name in self.compared}
+        return [
+            Row(
+                name=name,
+                typical_mm=finite(self.typical_mm(name)),
+                unbounded=self.unbounded(name),
+                worst_mm=own.error_mm,
+                place=", ".join(f"{x:.2f}" for x in own.position_m),
+                joints=own.joints,
+            )
+            for name, own in worst.items()
+        ]
 
 
 def places_at(arm: Arm, q: Array, position: Array, moved: Array) -> WorkspacePoses:

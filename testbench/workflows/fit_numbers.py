@@ -46,37 +46,38 @@ COMPLIANCES = "reference", "estimate", "half"  #: Matrices of a link: see `link_
 ROUNDING = 1e-9  #: Share of the largest eigenvalue of a block below which one is zero.
 
 
-def residual_histogram(residuals: Array) -> Row:
+def residual_histograms(residuals: Mapping[str, Array]) -> list[Row]:
     """Count the components of residuals, and test whether they are normal: Fig. 5 of the paper.
 
+    Bars of a model reach up to its largest residual.
+
     Args:
-        residuals: Readings minus predictions, each a number that was read, not all zero, of any shape [m].
+        residuals: Readings minus predictions by model, each a number that was read, of any shape [m].
 
     Returns:
-        `n`, `mean_um`, `deviation_um`, `lilliefors_p` (None of too few), edges of the bars `edges_um` and
-        their `counts`.
+        A row for each model whose residuals are not all zero: `n`, `mean_um`, `deviation_um`, `lilliefors_p`
+        (None of too few), edges of the bars `edges_um`, their `counts`, and its `name`.
     """
-    x = UM * np.ravel(residuals)
-    reach = float(np.abs(x).max())
-    counts, edges = np.histogram(x, BINS, (-reach, reach))
-    enough = len(x) >= MIN_RESIDUALS and np.ptp(x) > 0
-    return Row(
-        n=len(x),
-        mean_um=float(x.mean()),
-        deviation_um=float(x.std(ddof=1)) if enough else None,
-        lilliefors_p=lilliefors_p_value(x) if enough else None,
-        edges_um=edges.tolist(),
-        counts=counts.tolist(),
-    )
-
-
-def residual_histograms(residuals: Mapping[str, Array]) -> list[Row]:
-    """Count the residuals of several models, each in bars up to its largest; nothing where there are none.
-
-    Args:
-        residuals: Readings minus predictions by model, of any shape [m].
-    """
-    return [Row(residual_histogram(x), name=name) for name, x in residuals.items() if x.any()]
+    rows = []
+    for name, own in residuals.items():
+        x = UM * np.ravel(own)
+        if not x.any():
+            continue
+        reach = float(np.abs(x).max())
+        counts, edges = np.histogram(x, BINS, (-reach, reach))
+        enough = len(x) >= MIN_RESIDUALS and np.ptp(x) > 0
+        rows.append(
+            Row(
+                n=len(x),
+                mean_um=float(x.mean()),
+                deviation_um=float(x.std(ddof=1)) if enough else None,
+                lilliefors_p=lilliefors_p_value(x) if enough else None,
+                edges_um=edges.tolist(),
+                counts=counts.tolist(),
+                name=name,
+            )
+        )
+    return rows
 
 
 def numbers_read(data: Dataset, residuals: Array) -> Array:
@@ -421,7 +422,9 @@ def numbers(
         The numbers.
     """
     fits = identified.fits
-    note = ""
+    names = compared_models(fits.models, fits.recommended)
+    compared = {name: identified.estimates[name] for name in names}
+    note, prior = "", cad_prior(cell.arm)
     places = None
     if widths:
         try:
@@ -435,7 +438,7 @@ def numbers(
         noise_p95_mm=MM * _noise_limit(identified.runs.every),
         residuals=_residuals(identified, left),
         seen=_seen(cell, identified),
-        details=_details(cell, identified, left),
+        details=fit_details(cell.vjm, identified.runs.every, compared, left, prior, USUAL.relative),
         laws=_laws(identified),
         map=places,
         no_map="intervals were not asked for" if not widths else note,
@@ -479,14 +482,6 @@ def identifiability(cell: Cell, identified: IdentifyResult) -> Row:
         ],
         unseen=unseen_poses(own),
     )
-
-
-def _details(cell: Cell, identified: IdentifyResult, left: Mapping[str, Array]) -> Row:
-    """Collect what figures show of the models that are compared, beside a prior known to 30 %."""
-    names = compared_models(identified.fits.models, identified.fits.recommended)
-    compared = {name: identified.estimates[name] for name in names}
-    prior = cad_prior(cell.arm)
-    return fit_details(cell.vjm, identified.runs.every, compared, left, prior, USUAL.relative)
 
 
 def _laws(identified: IdentifyResult) -> list[Row]:
@@ -546,9 +541,9 @@ def _there(name: str, places: Row) -> Row | None:
     """Tell how sure a model is over the workspace, and how far from the one to take; None if unknown."""
     if name not in places.errors.error_mm:
         return None
-    mm, apart = places.errors.error_mm[name], places.apart_mm.get(name)
+    apart = places.apart_mm.get(name)
     return Row(
-        half_width_mm=places.errors.typical_mm(name) if np.isfinite(mm).any() else None,
+        half_width_mm=finite(places.errors.typical_mm(name)),
         unbounded=places.errors.unbounded(name),
         apart_mm=float(np.median(apart)) if apart else None,
     )
@@ -673,6 +668,8 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
     errors = error_places(workspace_poses, {name: MM * own for name, own in half.items()}, shown, HALF_WIDTH)
     order = np.array(errors.run) - 1
     apart = {name: np.linalg.norm(own - moved[taken], axis=1) for name, own in moved.items() if name != taken}
+    known = MM * half[taken][np.isfinite(half[taken])]
+    low, middle, most = np.quantile(known, (0, 0.5, 0.95)).tolist() if known.size else (None,) * 3
     return Row(
         force_N=float(np.linalg.norm(load.wrench[:3])),
         moment_Nm=float(np.linalg.norm(load.wrench[3:])),
@@ -680,20 +677,11 @@ def workspace_half_widths(cell: Cell, identified: IdentifyResult) -> Row:
         errors=errors,
         apart_mm={name: rounded(MM * own[order], PLACE_DIGITS) for name, own in apart.items()},
         missing=missing,
-        **_certainty(MM * half[taken]),
+        without_bound=len(q) - known.size,
+        least_mm=low,
+        median_mm=middle,
+        p95_mm=most,
     )
-
-
-def _certainty(half: Array) -> Mapping[str, float | None]:
-    """Summarise half widths (n,) [mm]: least, median, 95 %, and how many have no bound."""
-    known = half[np.isfinite(half)]
-    low, middle, most = np.quantile(known, (0, 0.5, 0.95)).tolist() if known.size else (None,) * 3
-    return {
-        "without_bound": len(half) - known.size,
-        "least_mm": low,
-        "median_mm": middle,
-        "p95_mm": most,
-    }
 
 
 def _noise_limit(data: Dataset) -> float:
@@ -727,24 +715,13 @@ def unseen_poses(identifiability: Identifiability) -> list[Row]:
             start = Row(why=why, parts=", ".join(parts), directions=0, parameters=names)
             rows.setdefault((why, parts), start)["directions"] += 1
     if identifiability.n_lost_to_poses:
-        most = sorted(
-            dict.fromkeys(identifiability.parameter_components),
-            key=lambda name: -_spread(identifiability, name),
-        )[:NAMED]
-        last = Row(
+        part, share = identifiability.parameter_components, identifiability.participation_lost_to_poses
+        held = {name: share[np.array(part) == name].sum() for name in part}
+        most = sorted(held, key=lambda name: -held[name])[:NAMED]
+        rows["poses", ()] = Row(
             why="poses", parts=", ".join(most), directions=identifiability.n_lost_to_poses, parameters=""
         )
-        rows["poses", ()] = last
     return list(rows.values())
-
-
-def _spread(identifiability: Identifiability, part: str) -> float:
-    """How many of the directions lost to too few poses a link or joint holds."""
-    return float(
-        identifiability.participation_lost_to_poses[
-            np.array(identifiability.parameter_components) == part
-        ].sum()
-    )
 
 
 def _name(identifiability: Identifiability, parameter: int) -> str:

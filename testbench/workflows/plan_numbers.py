@@ -89,20 +89,11 @@ def numbers(made: Planned) -> Row:
 
 def _listed(f: Row) -> Row:
     """List numbers of a plan as rows of tables: plans beside it, the workspace, limits, candidates."""
-    errors, tried = f.map, {"feasible": f.candidates.found, "drawn": f.candidates.drawn}
+    tried = {"feasible": f.candidates.found, "drawn": f.candidates.drawn}
     return Row(
         beside=_beside(f),
         rests=_rests(f),
-        around=[
-            Row(
-                name=name,
-                typical_mm=finite(errors.typical_mm(name)),
-                worst_mm=own.error_mm,
-                place=", ".join(f"{x:.2f}" for x in own.position_m),
-                joints=own.joints,
-            )
-            for name, own in errors.worst.items()
-        ],
+        around=[row for row in f.map.rows() if row.worst_mm is not None],
         limits=[
             Row(joint=name, margin=x, unit=unit)
             for name, x, unit in zip(f.joints, f.margins, f.units, strict=True)
