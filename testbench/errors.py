@@ -204,14 +204,10 @@ def read_bytes(path: Path, max_bytes: int) -> bytes:
         Its bytes.
 
     Raises:
-        InputError: When it is missing, no plain file, too large, or grows while it is read.
+        InputError: When it is missing, no plain file, or too large.
     """
     with open_file(path, max_bytes) as file:
-        size = os.fstat(file.fileno()).st_size
-        content = file.read(size + 1)
-        if len(content) > size:  # as files of the kernel do, which say that they are empty
-            raise InputError(path, "", "grows while it is read")
-        return content
+        return file.read(max_bytes)
 
 
 def read_text(path: Path, max_bytes: int) -> str:

@@ -82,11 +82,8 @@ class Setup(BaseModel):
         return self.sigma, None
 
 
-SECTION_6 = (
-    "kr500_l480"  #: The arm of section 6: its scenarios have the payload and the areas of that campaign.
-)
-
-
+SECTION_6 = "kr500_l480"
+"""The arm of section 6: its scenarios have the payload and the areas of that campaign."""
 SECTION_6_AREA = WorkArea((1.7, -0.9, 1.1), (2.7, 0.9, 2.1), (1.0, 0.0, 0.0), np.pi / 4)
 """Work area of the calibration poses in section 6."""
 SECTION_6_WORKSPACE = WorkArea((-4.0, -4.0, 0.8), (4.0, 4.0, 4.0))
@@ -546,11 +543,9 @@ def read_instruments(
             "instruments: expected one or more; a probe of orientations cannot be combined with others"
         )
     settled = settle_both(cell.plant, truth, loaded.q, loaded.wrench, loaded.point)
-    parts = [_read(cell, loaded, settled, layer, rng) for layer in _layers(cell, mounted)]
-    if probes or all(part.line_direction is None for part in parts):
-        data = concatenate_rows(parts)
-    else:
-        data = concatenate_rows([_with_lines(part) for part in parts])
+    lines = any(not isinstance(own.instrument, IsotropicTracker) for own in mounted)
+    parts = [_read(cell, loaded, settled, layer, rng, lines=lines) for layer in _layers(cell, mounted)]
+    data = concatenate_rows(parts)
     order = np.argsort(np.tile(np.arange(len(loaded.q)), len(parts)), kind="stable")
     return replace(select_rows(data, order), run_id=np.arange(data.n_runs) + 1)
 
@@ -570,9 +565,15 @@ def _layers(cell: Cell, mounted: Sequence[Mounted]) -> list[list[Mounted]]:
 
 
 def _read(
-    cell: Cell, loaded: LoadedPoses, settled: "Pair", layer: Sequence[Mounted], rng: np.random.Generator
+    cell: Cell,
+    loaded: LoadedPoses,
+    settled: "Pair",
+    layer: Sequence[Mounted],
+    rng: np.random.Generator,
+    *,
+    lines: bool,
 ) -> Dataset:
-    """Read instruments of different markers."""
+    """Read instruments of different markers; with fields of lines if any instrument reads along one."""
     markers, runs = cell.arm.markers, len(loaded.q)
     read, P = np.zeros((2, runs, len(markers), 3)), np.zeros((runs, len(markers), 3, 3))
     direction = np.zeros(read.shape[1:])
@@ -608,7 +609,6 @@ def _read(
         direction[:, k] = u
         read[:, :, k] = np.nan_to_num(numbers)[..., None] * u
         P[:, k] = line_precision(u, own.instrument.sigma) * ~lost[:, None, None]
-    lines = bool(direction.any() or tilt.any() or reach.any())
     whole = not lines and bool(P.any(axis=(2, 3)).all())
     return Dataset(
         markers=markers,
@@ -638,19 +638,3 @@ def _line(cell: Cell, q: Array, own: Mounted) -> tuple[Array, Array, Array]:
     beam = tool_points(cell.vjm, q, marker_positions(cell.vjm, (own.marker,)))[:, 0] - own.fixed
     reach = np.linalg.norm(beam, axis=1)
     return beam / reach[:, None], own.instrument.fixed_point_sigma / reach, reach
-
-
-def _with_lines(data: Dataset) -> Dataset:
-    """Give data of positions alone the fields of readings along lines."""
-    if data.line_direction is not None:
-        return data
-    none = np.zeros(data.before.shape[:2])
-    P = np.broadcast_to(np.eye(3) / (2 * data.sigma**2), (*data.before.shape, 3)).copy()
-    P = P if data.precision is None else data.precision
-    return replace(
-        data,
-        line_direction=np.zeros_like(data.before),
-        line_direction_deviation=none,
-        line_length=none,
-        precision=P,
-    )

@@ -16,12 +16,11 @@ from scipy.linalg import block_diag
 
 from testbench.arm.folder import Arm, load_arm
 from testbench.data.dataset import Dataset, select_rows
-from testbench.errors import Array, BenchError, InputError, open_file
+from testbench.errors import BenchError, InputError
 from testbench.files.names import WHEN, columns_of
 from testbench.identify.prior import Prior
 from testbench.workflows.campaign import Campaign, Scenario
 
-MAX_BYTES = 10**9  #: Of a file [byte].
 Cells = npt.NDArray[np.generic]
 ARM = "kr500_l480"  #: Which of ours is measured, in its campaign of section 6.
 SCENARIO = Scenario(arm=ARM, workspace_poses=100)
@@ -73,19 +72,14 @@ def load_dataset(
         try:
             own = measured[number]
             true = truth[number]
-            prior = Prior(f"{number}", _compliances(arm, *C))
+            links, joints = np.reshape(C[0], (len(arm.links), 6, 6)), np.reshape(C[1], len(arm.joints))
+            prior = Prior(f"{number}", block_diag(*links, np.diag(joints)))
             sets = own[""], own["identification"], own["check"], true["check"], true["workspace"]
         except (KeyError, ValueError) as err:
             problem = "expected its prior, readings and true deflections"
             raise InputError(path, f"campaign {number}", problem) from err
         public_campaigns.append(PublicCampaign(number, of, part, prior, Campaign(SCENARIO, seed, *sets)))
     return public_campaigns
-
-
-def _compliances(arm: Arm, links: Sequence[float], joints: Sequence[float]) -> Array:
-    """C_theta; ValueError for another number of links or joints."""
-    C = block_diag(*np.reshape(links, (len(arm.links), 6, 6)), np.diag(joints))
-    return C.reshape(arm.n_theta, arm.n_theta)
 
 
 def _sets(path: Path, arm: Arm, split: str | None) -> dict[int, dict[str, Dataset]]:
@@ -136,8 +130,6 @@ def read_table(path: Path, names: Sequence[str], **kept: str | None) -> dict[str
     Raises:
         InputError: When it is no Parquet file, or lacks a column.
     """
-    with open_file(path, MAX_BYTES):
-        pass  # a plain file
     words = [(name, "==", word) for name, word in kept.items() if word is not None]
     try:
         lacking = [name for name in (*names, *kept) if name not in parquet.read_schema(path).names]

@@ -435,16 +435,11 @@ STAGES: tuple[Callable[[Checks, Array], dict[str, Mask]], ...] = (_limits, _area
 
 
 def find_feasible_poses(
-    checks: Checks,
-    count: int,
-    rng: np.random.Generator,
-    *,
-    least: int | None = None,
-    patience: int = PATIENCE,
+    checks: Checks, count: int, rng: np.random.Generator, *, least: int | None = None
 ) -> Candidates:
     """Draw feasible poses evenly over the joint limits, as many as asked for.
 
-    It gives up after `patience` draws, and DRAWS_PER_POSE more for every pose found: PoseError says what
+    It gives up after `PATIENCE` draws, and `DRAWS_PER_POSE` more for every pose found: PoseError says what
     refused them and what to change.
 
     Args:
@@ -452,19 +447,14 @@ def find_feasible_poses(
         count: Number of poses.
         rng: Source of randomness.
         least: Number of poses that suffices where no more are found; None for `count`.
-        patience: Draws after which it gives up.
 
     Returns:
         The poses.
     """
     least = count if least is None else least
-    if not 1 <= least <= count or patience < 1:
-        raise BenchError(
-            f"expected 1 <= least <= count and a patience of 1 or more, got {least}, {count} and {patience}"
-        )
     rejected, drawn = dict.fromkeys(REASONS, 0), 0
     kept: list[Array] = []
-    while len(kept) < count and drawn < patience + DRAWS_PER_POSE * len(kept):
+    while len(kept) < count and drawn < PATIENCE + DRAWS_PER_POSE * len(kept):
         q = checks.vjm.arm.draw_poses(rng, POSES_PER_BATCH)
         reasons = refusal_reasons(checks, q)
         good = np.flatnonzero([reason is None for reason in reasons])[: count - len(kept)]
