@@ -37,7 +37,7 @@ from testbench.workflows.fit_numbers import (
     sag_by_part,
 )
 from testbench.workflows.model_names import IN_PAPER, in_words
-from testbench.workflows.models import DEFAULT, has_failed
+from testbench.workflows.models import DEFAULT, failed_row, has_failed
 from testbench.workflows.rows import (
     MM,
     NO_ERRORS,
@@ -307,13 +307,7 @@ def _errors(estimate: Estimate, moved: Array, data: Dataset) -> ErrorRow:
 def _fit(name: str, estimate: Estimate, fits: Fits) -> FitRow:
     prior, structure = name in fits.filled, estimate.structure
     if has_failed(estimate):
-        return FitRow(
-            name=name,
-            structure=structure.name,
-            prior=prior,
-            status=estimate.status,
-            parameters=structure.n_parameters,
-        )
+        return failed_row(name, structure, estimate.status, prior=prior)
     return fit_row(name, estimate, fits.seconds.get(name), prior=prior or estimate.weighted_prior is not None)
 
 

@@ -50,7 +50,7 @@ from testbench.workflows.models import (
     reduce_runs,
 )
 from testbench.workflows.read_runs import MeasuredRuns
-from testbench.workflows.rows import MM, error_row
+from testbench.workflows.rows import FAILED, MM, error_row
 
 QUIET, CHANCE = 0.6, 1e-6
 """Share of the floor below which F_M is a doubt, and chance of it in sound readings from which it is none."""
@@ -171,7 +171,10 @@ def fit_models(
         notes=runs.notes,
         registration=runs.registration,
         scale=runs.scale,
-        failed=tuple(map(failed_row, lost)),
+        failed=tuple(
+            failed_row(own.model.name, own.model.structure, FAILED + own.why, prior=own.model.filled)
+            for own in lost
+        ),
     )
     return IdentifyResult(fits, runs, estimates, {c.model_name: c.errors for c in taken.candidates})
 

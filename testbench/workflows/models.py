@@ -281,18 +281,20 @@ def without_compliances(vjm: Vjm) -> Vjm:
     return replace(vjm, arm=replace(vjm.arm, links=links, joints=joints))
 
 
-def failed_row(err: EstimatorFailed) -> FitRow:
-    """Make the row of an estimator that failed."""
-    name = err.model.name
-    structure = err.model.structure
-    status = FAILED + err.why
-    return FitRow(
-        name=name,
-        structure=structure.name,
-        prior=err.model.filled,
-        status=status,
-        parameters=structure.n_parameters,
-    )
+def failed_row(name: str, structure: Structure, status: str, *, prior: bool) -> FitRow:
+    """Make the row of an estimator that failed.
+
+    Args:
+        name: Name of the model.
+        structure: The unknowns.
+        status: Says why it failed.
+        prior: Whether it was given a prior.
+
+    Returns:
+        The row.
+    """
+    parameters = structure.n_parameters
+    return FitRow(name=name, structure=structure.name, prior=prior, status=status, parameters=parameters)
 
 
 # --- Choice of the model to take ----------------------------------------------------------------------------

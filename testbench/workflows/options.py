@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Literal, get_type_hints
 
 import typer
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
@@ -308,7 +308,6 @@ def _own(project: Project, path: Path) -> FileSettings | None:
     )
 
 
-D = TypeVar("D")
 Force = Annotated[bool, typer.Option("--force", help="Replace what another command wrote.")]
 Recording = Annotated[bool, typer.Option("--recording", help="Write recording.rrd for the Rerun viewer too.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
@@ -320,22 +319,18 @@ PRINT = inspect.Parameter("print", inspect.Parameter.KEYWORD_ONLY, default=False
 CONTEXT = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
 
 
-def takes(
-    kind: type[D], *more: type, draws: bool = False
-) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def takes(*kinds: type, draws: bool = False) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make a typer command of a function of dataclasses: their fields are its flags.
 
     A field is `Annotated[type, typer.Option(help=...)]` or typer.Argument; its default is the flag's.
 
     Args:
-        kind: The first dataclass.
-        more: Others, with fields of other names.
+        kinds: The dataclasses, with fields of different names.
         draws: Whether it leaves figures, which `--print` writes as SVG too.
 
     Returns:
         A decorator.
     """
-    kinds = (kind, *more)
 
     def wrap(body: Callable[..., None]) -> Callable[..., None]:
         def command(ctx: typer.Context, **values: object) -> None:
