@@ -7,7 +7,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.correct.predicted import predict
-from testbench.data.dataset import Dataset
+from testbench.data.dataset import Dataset, select_evenly
 from testbench.errors import Array, NoEquilibrium, PoseError
 from testbench.identify.conic import trace_units
 from testbench.identify.estimate import MIN_RESIDUALS, Estimate, deflections_of_models, lilliefors_p_value
@@ -107,7 +107,7 @@ def predictions(measured: Array, residuals: Mapping[str, Array]) -> Row:
     Returns:
         `measured_mm`, and by model `predicted_mm`.
     """
-    some = np.unique(np.linspace(0, len(measured) - 1, min(len(measured), MAX_POINTS)).round().astype(int))
+    some = select_evenly(np.arange(len(measured)), MAX_POINTS)
     return Row(
         measured_mm=_lengths(measured[some]),
         predicted_mm={name: _lengths((measured - x)[some]) for name, x in residuals.items()},

@@ -137,7 +137,7 @@ def test_the_map_is_what_the_models_say_of_its_poses_and_the_worst_is_named(made
     assert (found["places"], found["without_bound"]) == (200, 0)
     page = (made[0] / "report.md").read_text()
     x, y, z = worst["position_m"]
-    [row] = [line for line in page.splitlines() if f"| x {x:.2f}, y {y:.2f}, z {z:.2f} m |" in line]
+    [row] = [line for line in page.splitlines() if f"| {x:.2f}, {y:.2f}, {z:.2f} |" in line]
     assert row.replace("**", "").startswith(
         f"| {taken} | {found['median_mm']:.3f} | {worst['error_mm']:.3f} | 0 |"
     )
