@@ -27,7 +27,7 @@ def arms(tmp_path_factory):
     """Of every stranger its file, its chain and its arm's folder."""
     made = {}
     for robot in ARMS:
-        home = tmp_path_factory.mktemp(robot.__name__)
+        home = tmp_path_factory.mktemp("robot")
         (home / "arm").mkdir()
         file = robot(home)
         chain = read_chain(file)

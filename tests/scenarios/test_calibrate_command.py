@@ -12,7 +12,7 @@ from checks import at, tables_of
 from page_checks import check_page, drawn_in, layer_of, said, times_of
 from reports import check
 from run_here import check_folder, do, fine, numbers_alone, refused
-from strangers import write_stl
+from strangers import MESH
 
 import testbench as tb
 from testbench.arm.folder import load_arm
@@ -58,7 +58,8 @@ def arm(tmp_path_factory):
     """An arm with a mesh, as `testbench new` makes them."""
     folder = tmp_path_factory.mktemp("arms") / "flagged"
     shutil.copytree(ROOT / "models" / "arm_6r", folder)
-    write_stl(folder / "meshes" / "flag.stl")
+    (folder / "meshes").mkdir()
+    shutil.copy(MESH, folder / "meshes" / "flag.stl")
     text = (folder / "rigid.xml").read_text()
     text = text.replace('inertiafromgeom="false"', 'inertiafromgeom="false" meshdir="meshes"')
     mesh = '<asset><mesh name="flag" file="flag.stl" scale="0.001 0.001 0.001"/></asset><worldbody>'
