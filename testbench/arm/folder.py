@@ -13,7 +13,7 @@ all mathematics is in chain joints.
 import math
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -105,6 +105,24 @@ def limits_of(joints: Sequence[ArmJoint]) -> Array:
         Lower and upper limits, (2, n) [rad, m].
     """
     return np.array([[joint.lower for joint in joints], [joint.upper for joint in joints]])
+
+
+def beyond_limits(joints: Sequence[ArmJoint], q: Array, slack: float) -> Iterator[tuple[int, str]]:
+    """Find coordinates beyond the limits of their joints.
+
+    Args:
+        joints: Joints, n.
+        q: Their coordinates, (poses, n) [rad, m].
+        slack: Excess that counts as rounding [rad, m].
+
+    Yields:
+        Index of the pose, and what is wrong with it, for people.
+    """
+    lower, upper = limits_of(joints)
+    for pose, k in np.argwhere((q < lower - slack) | (q > upper + slack)).tolist():
+        joint = joints[k]
+        low, high, got = (joint.display_factor * x for x in (joint.lower, joint.upper, q[pose, k]))
+        yield pose, f"{joint.name}: expected {low:.4f} to {high:.4f} {joint.display_unit}, got {got:.4f}"
 
 
 @dataclass(frozen=True, eq=False)

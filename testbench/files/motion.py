@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import ArmJoint, limits_of
+from testbench.arm.folder import ArmJoint, beyond_limits
 from testbench.errors import Array, BenchError, Ids, Mask, check_array
 from testbench.files.languages import FOLDER, Language, known_languages, language_of, with_mark
 from testbench.runs.whole import write_whole
@@ -231,12 +231,8 @@ def _check_moves(motion: Motion) -> Array:
     """Check that joints, (points, m) [rad, m], are within limits and labels as many; else a BenchError."""
     joints, labels = motion.joints, motion.labels
     found = check_array(motion.q, (None, len(joints)), "q [rad, m]")
-    lower, upper = limits_of(joints)
-    for k, j in np.argwhere((found < lower - LIMIT_ROUNDING) | (found > upper + LIMIT_ROUNDING))[:1]:
-        own = joints[j]
-        low, high, got = (own.display_factor * x for x in (own.lower, own.upper, found[k, j]))
-        limits = f"expected {low:.4f} to {high:.4f} {own.display_unit}, its limits"
-        raise BenchError(f"point {k + 1}, {_plain(own.name)}: {limits}, got {got:.4f}")
+    for k, problem in beyond_limits(joints, found, LIMIT_ROUNDING):
+        raise BenchError(f"point {k + 1}, {problem}")
     if len(labels) not in (0, len(found)):
         raise BenchError(f"labels: expected one for each of {len(found)} points, got {len(labels)}")
     return found

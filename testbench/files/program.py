@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbench.arm.folder import Arm, limits_of
+from testbench.arm.folder import Arm, beyond_limits
 from testbench.display import Displayed
 from testbench.errors import Array, Ids, InputError, Mask, check_type, some_of
 from testbench.files.beside import read_rotations
@@ -37,7 +37,7 @@ from testbench.files.languages import (
     read_motions,
     values_of,
 )
-from testbench.files.mapping import Controller, Names, read_map
+from testbench.files.mapping import Controller, read_map
 from testbench.files.motion import axes_of, scale_of, turn_flags
 from testbench.files.names import (
     ALONG,
@@ -168,71 +168,6 @@ def refuse_other_configurations(motions: RobotMotions, *, started: bool) -> None
         same = same or point.same
 
 
-@dataclass(frozen=True, eq=False)
-class RobotPoints:
-    """Hold what `read_robot_program` finds."""
-
-    motions: RobotMotions
-    q: Array  #: Joints of the chain, (points, n) [rad, m]; NaN at a pose.
-    position: Array  #: Positions of the arm's tool in the world, (points, 3) [m]; NaN at joints.
-    rotation: Array  #: Its orientations, (points, 3, 3); NaN at joints.
-
-
-def read_robot_program(path: Path, language: Language, arm: Arm, controller: Controller) -> RobotPoints:
-    """Read a program in a robot language.
-
-    Args:
-        path: The program.
-        language: Its language.
-        arm: The arm.
-        controller: What a map says of base, tool and pulses.
-
-    Returns:
-        The points in the order of their moves.
-
-    Raises:
-        InputError: As `read_motions`; also if the arm's joints have no axes in the language, are beyond their
-            limits, or an arm with external axes has poses.
-    """
-    text = read_motions(path, language)
-    points = [move.point for move in text.moves]
-    posed = np.array([point.posed for point in points], dtype=bool)
-    # Joints of the moves, and joints that choose the configuration of poses.
-    count, pulses = len(points), tuple(controller.pulses_per_deg)
-    q, near = np.full((2, count, arm.n_joints), np.nan)
-    if not posed.all():
-        q[~posed] = _program_joints(text, arm, [own for own in points if not own.posed], pulses)
-    if chosen := {k: move.near for k, move in enumerate(text.moves) if move.near is not None}:
-        near[list(chosen)] = _program_joints(text, arm, list(chosen.values()), pulses)
-    # Frames of poses.
-    base, tool = (
-        _frame(path, language, getattr(controller, own), f"controller.{own}") for own in ("base", "tool")
-    )
-    stated = text.frames.get("base")
-    if stated and stated.numbers and not controller.base:
-        base = _stated_frame(language, stated.numbers)
-    frame_notes, unknown = _frame_notes(text, controller) if posed.any() else ((), "")
-    outer = _external_axes(text, arm)
-    why = f"{arm.name} has no such joint, so we assume that they move neither the arm nor its workpiece"
-    kept = f"External axes are unchanged: {', '.join(outer.values())}. {why}"
-    motions = RobotMotions(
-        text,
-        linear=np.array([move.linear for move in text.moves], dtype=bool),
-        posed=posed,
-        base=base,
-        tool=tool,
-        pulses_per_deg=pulses,
-        near=near,
-        notes=(*text.notes, *frame_notes, *[kept] * bool(outer)),
-        kept=tuple(outer),
-        unknown_frames=unknown,
-    )
-    position, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
-    if posed.any():
-        position[posed], rotation[posed] = _program_poses(path, language, arm, motions)
-    return RobotPoints(motions, q, position, rotation)
-
-
 def _program_poses(path: Path, language: Language, arm: Arm, motions: RobotMotions) -> tuple[Array, Array]:
     """Places, (poses, 3) [m], and rotations, (poses, 3, 3), of the poses of a program in the world."""
     if set(axes_of(language, arm.file_joints)) & set(language.external):
@@ -244,20 +179,8 @@ def _program_poses(path: Path, language: Language, arm: Arm, motions: RobotMotio
     return motions.to_world(own[:, :3] / language.per_metre, language.rotations(own[:, 3:]))
 
 
-def _frame(path: Path, language: Language, numbers: list[float], place: str) -> Pose:
-    """A frame as the language writes a pose; none is the identity."""
-    if not numbers:
-        return np.eye(3), np.zeros(3)
-    names = language.pose_names()
-    if len(numbers) != len(names):
-        expected = f"expected {len(names)} numbers as a pose in {language.title}, got {len(numbers)}"
-        raise InputError(path, place, expected)
-    values = np.array([numbers], dtype=float)
-    return language.rotations(values[:, 3:])[0], values[0, :3] / language.per_metre
-
-
-def _stated_frame(language: Language, numbers: Sequence[float]) -> Pose:
-    """A frame by one pose in the language, or by two, the second one in the first."""
+def _frame(language: Language, numbers: Sequence[float]) -> Pose:
+    """A frame by no pose in the language, by one, or by two, the second one in the first."""
     values = np.array(numbers).reshape(-1, len(language.pose_names()))
     R, p = np.eye(3), np.zeros(3)
     for R_own, p_own in zip(
@@ -271,7 +194,7 @@ def _frame_notes(text: ProgramText, controller: Controller) -> tuple[tuple[str, 
     """Say how the frames that a program states count where no map states them, and which are unknown."""
     notes, unknown = list[str](), list[str]()
     for what, frame in text.frames.items():
-        R, p = _stated_frame(text.language, frame.numbers)
+        R, p = _frame(text.language, frame.numbers)
         if getattr(controller, what) or (frame.numbers and np.allclose(R, np.eye(3)) and np.allclose(p, 0)):
             continue
         if what == "base" and frame.numbers:
@@ -317,25 +240,12 @@ def _program_joints(
             )
             raise text.sources[first.source].error(first.start, problem)
         found[counted] = np.radians(values[counted] / np.array(per))
-    _check_limits(text, arm, points, found)
     q = arm.to_chain_joints(found)
+    for some, values in ((joints, found), (arm.joints, q)):
+        for row, problem in beyond_limits(some, values, ROUNDED):
+            raise text.sources[points[row].source].error(points[row].start, problem)
     ends = arm.clip_to_limits(q)
-    if (np.abs(q - ends) > ROUNDED).any():
-        row, k = np.argwhere(np.abs(q - ends) > ROUNDED)[0]
-        problem = f"{arm.joints[k].name} of the chain is beyond its limits"
-        raise text.sources[points[row].source].error(points[row].start, problem)
     return np.asarray(np.where(np.abs(q - ends) > SAME_POSE, ends, q))
-
-
-def _check_limits(text: ProgramText, arm: Arm, points: Sequence[PointText], q: Array) -> None:
-    """Refuse joints as files count them, (points, m) [rad, m], beyond their limits."""
-    joints = arm.file_joints
-    lower, upper = limits_of(joints)
-    for row, k in np.argwhere((q < lower - ROUNDED) | (q > upper + ROUNDED))[:1].tolist():
-        joint, point = joints[k], points[row]
-        low, high, got = (joint.display_factor * x for x in (joint.lower, joint.upper, q[row, k]))
-        problem = f"{joint.name}: expected {low:.4f} to {high:.4f} {joint.display_unit}, got {got:.4f}"
-        raise text.sources[point.source].error(point.start, problem)
 
 
 def changed_numbers(
@@ -555,7 +465,7 @@ def read_program(
     path = Path(path)
     names = read_map(None if mapping is None else Path(mapping), arm, program_names)
     if (language := language_of(path)) is not None:
-        return _robot_program(path, language, arm, names)
+        return read_robot_program(path, language, arm, names.map.controller)
     if names.cells:
         raise names.error(path, "cells", "expected one column per quantity in a program")
     try:
@@ -602,21 +512,68 @@ def _other_program(path: Path) -> InputError | None:
     return None
 
 
-def _robot_program(path: Path, language: Language, arm: Arm, names: Names) -> Program:
-    """Read a program in a robot language, which states no loads."""
-    robot_points = read_robot_program(path, language, arm, names.map.controller)
-    count, posed = len(robot_points.q), robot_points.motions.posed
+def read_robot_program(path: Path, language: Language, arm: Arm, controller: Controller) -> Program:
+    """Read a program in a robot language, which states no loads.
+
+    Args:
+        path: The program.
+        language: Its language.
+        arm: The arm.
+        controller: What a map says of base, tool and pulses.
+
+    Returns:
+        The points in the order of their moves.
+
+    Raises:
+        InputError: As `read_motions`; also if the arm's joints have no axes in the language, are beyond their
+            limits, or an arm with external axes has poses.
+    """
+    text = read_motions(path, language)
+    points = [move.point for move in text.moves]
+    posed = np.array([point.posed for point in points], dtype=bool)
+    # Joints of the moves, and joints that choose the configuration of poses.
+    count, pulses = len(points), tuple(controller.pulses_per_deg)
+    q, near = np.full((2, count, arm.n_joints), np.nan)
+    if not posed.all():
+        q[~posed] = _program_joints(text, arm, [own for own in points if not own.posed], pulses)
+    if chosen := {k: move.near for k, move in enumerate(text.moves) if move.near is not None}:
+        near[list(chosen)] = _program_joints(text, arm, list(chosen.values()), pulses)
+    # Frames of poses.
+    for what, numbers in (("base", controller.base), ("tool", controller.tool)):
+        if len(numbers) not in (0, size := len(language.pose_names())):
+            expected = f"expected {size} numbers as a pose in {language.title}, got {len(numbers)}"
+            raise InputError(path, f"controller.{what}", expected)
+    stated = text.frames.get("base")
+    frame_notes, unknown = _frame_notes(text, controller) if posed.any() else ((), "")
+    outer = _external_axes(text, arm)
+    why = f"{arm.name} has no such joint, so we assume that they move neither the arm nor its workpiece"
+    kept = f"External axes are unchanged: {', '.join(outer.values())}. {why}"
+    motions = RobotMotions(
+        text,
+        linear=np.array([move.linear for move in text.moves], dtype=bool),
+        posed=posed,
+        base=_frame(language, controller.base or (stated.numbers if stated else ())),
+        tool=_frame(language, controller.tool),
+        pulses_per_deg=pulses,
+        near=near,
+        notes=(*text.notes, *frame_notes, *[kept] * bool(outer)),
+        kept=tuple(outer),
+        unknown_frames=unknown,
+    )
+    position, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
+    if posed.any():
+        position[posed], rotation[posed] = _program_poses(path, language, arm, motions)
     return Program(
-        labels=robot_points.motions.text.labels,
-        q=None if posed.all() else robot_points.q,
-        position=robot_points.position if posed.any() else None,
-        rotation=robot_points.rotation if posed.any() else None,
+        labels=text.labels,
+        q=None if posed.all() else q,
+        position=position if posed.any() else None,
+        rotation=rotation if posed.any() else None,
         wrench=np.zeros((count, 6)),
         along=np.zeros((count, 3)),
         mass=np.zeros(count),
         point=None,
         arm=arm,
-        content=robot_points.motions,
+        content=motions,
         jumps=True,
     )
 

@@ -39,7 +39,6 @@ MASS = 0.5, 500.0  #: Of an arm over the cube of its reach [kg/m^3].
 NOTHING = 1e-4  #: Mass of a link over that of the arm [1].
 ALL = 0.8  #: The same [1].
 UPRIGHT = 2.0  #: Angle of the first turning joint against the vertical [deg].
-GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells, see `new_arm`.
 COINCIDE = 0.02
 """Distance of joints below which they coincide, as a share of the reach [1]."""
 PARALLEL = 0.1
@@ -121,7 +120,6 @@ def arm_warnings(looked: ArmContext) -> list[Doubt]:
         "tube length": _tube_lengths,
         "beam axis": _beam_axes,
         "tube diameter": _diameters,
-        "tube shape": _fragments,
         "joint compliance": _neighbours,
         "sag": _sags,
         "payload": _payloads,
@@ -171,18 +169,6 @@ def _diameters(arm: ArmContext) -> Iterator[str]:
             yield f"{link.name}: its tube is {outer:.3g} m thick and {length:.3g} m long"
         if k in widths and outer > MAX_DIAMETER_RATIO * widths[k]:
             yield f"{link.name}: its tube is {outer:.3g} m thick, its drawn shape {widths[k]:.3g} m wide"
-
-
-def _fragments(arm: ArmContext) -> Iterator[str]:
-    """Tubes of a thickness that their drawn links tell."""
-    links: dict[str, list[str]] = {}
-    for link in arm.elastic.link:
-        if link.tube is not None and (outer := link.tube.outer_diameter).origin == "estimated":
-            why, guessed, _ = outer.note.partition(GUESSED)
-            if guessed:
-                links.setdefault(why, []).append(link.name)
-    for why, names in links.items():
-        yield f"{', '.join(names)}: {why}so the diameter of the tube is only estimated"
 
 
 def _drawn(cell: Cell) -> dict[int, Array]:

@@ -35,7 +35,7 @@ from testbench.files.robot.robot import (
     visible_shapes,
 )
 from testbench.files.robot.write import rigid_mjcf
-from testbench.workflows.arm_check import COINCIDE, GUESSED, PARALLEL, flange_axis, on_a_line
+from testbench.workflows.arm_check import COINCIDE, PARALLEL, flange_axis, on_a_line
 
 # --- Proposals for what a robot's file lacks ----------------------------------------------------------------
 
@@ -401,8 +401,8 @@ def _ring(axes: Array, radius: float, ahead: float) -> tuple[Point, ...]:
 SPREAD = 1.9  #: The law misses the known compliances by this factor, root mean square of the logarithm [1].
 CONFIRM = "#  "  #: Before each guess, in elastic.toml.
 TOLD = 4  #: Meshes that a note names; the others it counts.
+GUESSED = "so from payload and reach"  #: Ends the note of a diameter that no shape tells.
 WORDS = {
-    "density": "{0:.4g} kg in the file give a density of {1:.0f} kg/m^3 in the shapes: check the masses",
     "endless limits": "limits of {first} in the file, {2:g} to {3:g} rad, are ignored: {deg[0]:.0f} to "
     "{deg[1]:.0f} deg is assumed",
     "endless limits of a slide": "limits of {first} in the file, {2:g} to {3:g} m, are ignored (are they "

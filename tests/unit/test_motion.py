@@ -172,7 +172,7 @@ def test_what_cannot_be_a_program_leaves_no_file(tmp_path, name):
     q[1, 4] = 7.0 + 5e-7
     write_moves(path, known_languages()[name], Motion(q, joints))
     path.unlink()
-    beyond = r"point 3, axis 3 END;h: expected -401\.07.. to 401\.07.. deg, its"
+    beyond = r"point 3, axis 3\nEND;h: expected -401\.07.. to 401\.07.. deg, got"
     for q, labels, own, said in (
         (np.diag([0, 0, -7.1]) @ np.eye(3, 6, k=1), (), joints, beyond),
         (np.full((2, 6), np.nan), (), joints, "."),

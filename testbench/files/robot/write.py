@@ -41,7 +41,6 @@ from testbench.files.robot.robot import (
 from testbench.plant.build import COMPILE_ERRORS, check_geoms, elastic_mjcf
 from testbench.plant.rigid_cell import compute_contacts
 from testbench.plant.shapes import (
-    PLAUSIBLE_DENSITY,
     Faces,
     Surface,
     convex_hull,
@@ -95,7 +94,7 @@ def weigh(file: Path, bodies: Sequence[Body], of_arm: Iterable[int]) -> tuple[li
     rest = [weighed[k] for k in own if k not in missing]
     if drawn := [body.name for body in rest if not body.weighed and body.mass > 0]:
         notes.append(Note("geoms weigh", tuple(drawn)))
-    return weighed, notes + _implausible_masses(rest)
+    return weighed, notes
 
 
 def _is_missing(body: Body, some: bool, seen: bool) -> bool:
@@ -107,16 +106,6 @@ def _is_missing(body: Body, some: bool, seen: bool) -> bool:
     fixed = not body.moves and body.parent >= 0
     frame = some or (seen and not any(shape.visual for shape in body.shapes))
     return not body.weighed and body.mass == 0 and bool(body.shapes) and not (fixed and frame)
-
-
-def _implausible_masses(bodies: Sequence[Body]) -> list[Note]:
-    """Note stated masses that do not fit the shapes."""
-    known = [b for b in bodies if b.mass > 0 and b.shapes]
-    volume, mass = sum(_integrals(b.shapes)[0] for b in known), sum(b.mass for b in known)
-    low, high = PLAUSIBLE_DENSITY
-    if volume == 0 or low <= mass / volume <= high:
-        return []
-    return [Note("density", (), (mass, mass / volume))]
 
 
 def _integrals(shapes: Sequence[ImportedShape]) -> Weighed:
