@@ -39,7 +39,7 @@ from testbench.display import Displayed, span
 from testbench.errors import Array, BenchError, Ids, Mask, check_array, check_items, check_type
 from testbench.identify.posterior import ArmModel
 from testbench.model.load import Load
-from testbench.model.vjm import Vjm, rotation_vectors_between, tool_pose_and_jacobian
+from testbench.model.vjm import Vjm, evaluate_chain, rotation_vectors_between
 from testbench.plant.rigid_cell import RigidCell, find_collisions
 
 # --- Inverse kinematics of the rigid arm along a path of the tool: continuous joints within limits ----------
@@ -124,7 +124,9 @@ def _square(e: Array) -> Array:
 
 def _error(vjm: Vjm, lever: float, q: Array, target: Target) -> tuple[Array, Array]:
     """Compute the pose's error, rotation times lever, (poses, 6) [m], and its Jacobian, (poses, 6, n)."""
-    p, R, J = tool_pose_and_jacobian(vjm, q)
+    chain = evaluate_chain(vjm, q)
+    p, R = chain.tool_position, chain.tool_rotation
+    J = chain.J_theta[:, vjm.joint_spring_slice].transpose(2, 0, 1).copy()
     J[:, 3:] *= lever
     if vjm.arm.dependence_matrix is not None:  # joints that follow others have no column of their own
         J = J @ vjm.arm.dependence_matrix

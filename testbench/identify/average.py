@@ -751,13 +751,8 @@ def _average_joints(
 
 def _joints_only(r: Regression, prior: PriorScaling) -> tuple[Regression, PriorScaling]:
     """Restrict a dataset, and the units of its prior, to joint compliances only."""
-    joints = joint_compliance_indices(prior)
-    regression = restrict_regression(r, prior.structure.select_parameters(joints, "Joints"))
-    entries = np.flatnonzero(np.any(prior.L[joints] != 0, axis=0))
-    L, sizes = prior.L[np.ix_(joints, entries)], (1,) * len(joints)
-    return regression, PriorScaling(
-        prior.prior_name, regression.structure, L, prior.expected_x[entries], sizes
-    )
+    structure = prior.structure.select_parameters(joint_compliance_indices(prior), "Joints")
+    return restrict_regression(r, structure), restrict_scaling(prior, structure)
 
 
 def joint_compliance_indices(scaling: PriorScaling) -> Ids:

@@ -193,37 +193,6 @@ def _unpacked(n: int) -> tuple[Ids, Array]:
     return places, np.where(np.eye(n) == 1, 1.0, math.sqrt(0.5))
 
 
-def cholesky(X: Array) -> Array:
-    """Compute lower Cholesky factors of matrices, (..., n, n).
-
-    For n = 1 it takes square roots, because LAPACK takes ten times as long.
-
-    Raises:
-        LinAlgError: If a matrix is not positive definite.
-    """
-    if X.shape[-1] > 1:
-        return np.asarray(np.linalg.cholesky(X))
-    if not (X > 0).all():
-        raise np.linalg.LinAlgError
-    return np.asarray(np.sqrt(X))
-
-
-def eigh(X: Array) -> tuple[Array, Array]:
-    """Compute ascending eigenvalues, (..., n), and eigenvectors of symmetric matrices, (..., n, n).
-
-    For n = 1 it takes the numbers themselves, because LAPACK takes ten times as long.
-    """
-    if X.shape[-1] > 1:
-        values, V = np.linalg.eigh(X)
-        return values, V
-    return X[..., 0], np.ones_like(X)
-
-
-def eigvalsh(X: Array) -> Array:
-    """Compute ascending eigenvalues, (..., n), of symmetric matrices, (..., n, n); fast for n = 1."""
-    return np.asarray(np.linalg.eigvalsh(X)) if X.shape[-1] > 1 else X[..., 0]
-
-
 def congruence_map(A: Array) -> Array:
     """Compute the matrices of the linear maps from svec(Y) to svec(A Y A^T), with Y symmetric.
 

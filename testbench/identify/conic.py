@@ -22,7 +22,6 @@ With y_k = r_k / |r_k| of an estimate, S_i is the gradient of F_M there. The bou
 import math
 import time
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -528,12 +527,11 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
     seen[block[regression.column_norms > 0]] = True
     # Blocks that change no reading stay zero.
     columns = np.flatnonzero(seen[block])
-    kept = _restricted(s, columns.tobytes())
     unit = f_m(regression, np.zeros(s.n_parameters)) or 1.0
     scale = sensitivity_units(regression, unit, penalty)[columns]
     return ConicProgram(
         parameter_indices=columns,
-        observed_structure=kept,
+        observed_structure=s.select_parameters(columns, s.name),
         f_m_unit=unit,
         parameter_units=scale,
         R=np.array([term.R[:, columns] for term in regression.terms]) * (scale / unit),
@@ -542,12 +540,6 @@ def scaled_gco_program(regression: Regression, penalty: TracePenalty) -> ConicPr
         trace_cost=penalty.trace_gradient[columns] * scale / unit,
         penalty=penalty,
     )
-
-
-@lru_cache(maxsize=64)
-def _restricted(structure: Structure, columns: bytes) -> Structure:
-    """Restrict a structure to some parameters; cached, because its properties are computed only once."""
-    return structure.select_parameters(np.frombuffer(columns, dtype=int), structure.name)
 
 
 def norm_constraints(R: Array, z: Array, unexplained: Array) -> tuple[cone.ConeConstraint, ...]:

@@ -465,33 +465,22 @@ def prior_evidence_model(
 def _priors(kind: Ids, m: int, tied: bool, laws: LawSizePriors) -> tuple[Hyperprior, ...]:
     """Make the prior densities of the hyperparameters."""
     K, unit = len(kind), np.eye(m)
-    of_tie = unit[m - 4 : m - 3] if tied else unit[:0]
-    widths = np.array([ENTRY_UNCERTAINTY_PRIOR[1], LINK_COUPLING_UNCERTAINTY_PRIOR[1], LOG_MISFIT_DEVIATION])
-    rows, medians = (
-        unit[-3:] / widths[:, None],
-        np.log([ENTRY_UNCERTAINTY_PRIOR[0], LINK_COUPLING_UNCERTAINTY_PRIOR[0], 1.0]) / widths,
-    )
-    if kind.any():
-        rows, medians = (
-            np.vstack([rows, (unit[K + 1] - unit[K]) / JOINT_TO_LINK_SCALE_DEVIATION]),
-            np.r_[medians, 0],
-        )
-    for k, (median, width) in enumerate(laws, start=2):
-        rows, medians = np.vstack([rows, unit[K + k] / width]), np.r_[medians, math.log(median) / width]
-    link_widths, tie = (
-        unit[K + kind.max() + 1 : m - 3 - tied] / LINK_UNCERTAINTY_DEVIATION,
-        of_tie / JOINT_COUPLING_UNCERTAINTY_PRIOR[1],
-    )
-    rows = np.vstack([rows, link_widths, tie])
-    medians = np.r_[
-        medians,
-        np.zeros(len(link_widths)),
-        np.full(
-            len(tie), math.log(JOINT_COUPLING_UNCERTAINTY_PRIOR[0]) / JOINT_COUPLING_UNCERTAINTY_PRIOR[1]
-        ),
+    # Index, median and width of every hyperparameter that is log-normal by itself.
+    log_normal = [
+        (m - 3, *ENTRY_UNCERTAINTY_PRIOR),
+        (m - 2, *LINK_COUPLING_UNCERTAINTY_PRIOR),
+        (m - 1, 1.0, LOG_MISFIT_DEVIATION),
+        *((K + k, *law) for k, law in enumerate(laws, start=2)),
+        *((k, 1.0, LINK_UNCERTAINTY_DEVIATION) for k in range(K + kind.max() + 1, m - 3 - tied)),
+        *[(m - 4, *JOINT_COUPLING_UNCERTAINTY_PRIOR)] * tied,
     ]
+    at, median, width = zip(*log_normal, strict=True)
+    rows, offset = unit[list(at)] / np.array(width)[:, None], np.log(median) / width
+    if kind.any():
+        of_joints = (unit[K + 1] - unit[K]) / JOINT_TO_LINK_SCALE_DEVIATION
+        rows, offset = np.vstack([rows, of_joints]), np.r_[offset, 0]
     scales = (unit[:K] - unit[K + kind]) / STUDENT_SCALE
-    return Hyperprior(rows, medians, normal_neg_log_density), Hyperprior(
+    return Hyperprior(rows, offset, normal_neg_log_density), Hyperprior(
         scales, np.zeros(K), student_neg_log_density
     )
 
@@ -579,11 +568,8 @@ def learn_prior(
 def _log_evidence(model: LearntPriorModel, loss: float, values: Array) -> float:
     """Compute Laplace's approximation of the log-evidence of links and joints."""
     prior = model.n_scales * math.log((STUDENT_DOF + 1) / STUDENT_DOF / STUDENT_SCALE**2) / 2
-    prior -= math.log(
-        JOINT_TO_LINK_SCALE_DEVIATION * ENTRY_UNCERTAINTY_PRIOR[1] * LINK_COUPLING_UNCERTAINTY_PRIOR[1]
-    ) + len(model.link_scale_indices) * math.log(LINK_UNCERTAINTY_DEVIATION)
-    prior -= model.has_joint_couplings * math.log(JOINT_COUPLING_UNCERTAINTY_PRIOR[1])
-    prior -= sum(math.log(width) for _, width in _law_sizes(model.scaling))
+    widths = 1 / np.abs(model.evidence.hyperpriors[0].coefficients).max(axis=1)
+    prior -= float(np.log(widths).sum()) - math.log(LOG_MISFIT_DEVIATION)  # all models have kappa
     return prior - loss - float(np.log(values).sum()) / 2
 
 

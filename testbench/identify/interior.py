@@ -360,8 +360,8 @@ class NesterovToddScaling:
         Raises:
             LinAlgError: If a block is not positive definite.
         """
-        L = cone.cholesky(cone.smat(x[..., indices]))
-        squares, V = cone.eigh(L.swapaxes(-1, -2) @ cone.smat(multipliers[..., indices]) @ L)
+        L: Array = np.asarray(np.linalg.cholesky(cone.smat(x[..., indices])))
+        squares, V = np.linalg.eigh(L.swapaxes(-1, -2) @ cone.smat(multipliers[..., indices]) @ L)
         return cls(indices, L, V, np.sqrt(np.maximum(squares, SMALLEST_DIVISOR)))
 
     @cached_property
@@ -414,7 +414,7 @@ class NesterovToddScaling:
         """
         root = 1 / np.sqrt(self.d)
         steps = np.stack([scaled_step, step_sum - scaled_step]) * (root[..., :, None] * root[..., None, :])
-        least = cone.eigvalsh(steps)[..., 0].min(axis=(0, -1))
+        least = np.linalg.eigvalsh(steps)[..., 0].min(axis=(0, -1))
         return np.asarray(1 / np.maximum(-least, SMALLEST_DIVISOR))
 
 

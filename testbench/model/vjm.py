@@ -620,31 +620,6 @@ def _vectors(sine: Array, cosine: Array) -> Array:
     return np.asarray(sine * np.where(size > 0, angle / np.where(size > 0, size, 1), 1)[:, None])
 
 
-def tool_pose_and_jacobian(vjm: Vjm, q: Array) -> tuple[Array, Array, Array]:
-    """Compute the tool's pose and the Jacobian of the actuated joints at its origin, with the arm rigid.
-
-    Args:
-        vjm: Kinematics of the arm.
-        q: Actuated joints, (runs, n) [rad, m].
-
-    Returns:
-        Positions, world, (runs, 3) [m]; orientations, world from tool, (runs, 3, 3) [1]; and Jacobians,
-        translation rows first, world axes, (runs, 6, n) [m, 1].
-
-    Raises:
-        BenchError: When q has another shape or is not finite.
-    """
-    _, *bodies, (position, rotation) = body_poses(vjm, q)
-    J = np.zeros((6, vjm.arm.n_joints, len(q)))
-    for k, (joint, axis, (origin, R)) in enumerate(zip(vjm.arm.joints, vjm.joint_axes, bodies, strict=True)):
-        along = (R @ axis).T
-        if joint.prismatic:
-            J[:3, k] = along
-        else:
-            J[:3, k], J[3:, k] = cross(along, (position - origin).T), along
-    return position, rotation, J.transpose(2, 0, 1)
-
-
 # --- Random poses inside the joint limits -------------------------------------------------------------------
 
 POSES_PER_BATCH = 4096  #: Poses drawn at a time.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbench import BenchError, Scenario, deflections, score, simulate
-from testbench.identify import cone, interior, trace
+from testbench.identify import interior, trace
 from testbench.identify.conic import certify
 from testbench.identify.method import gco, least_squares, paper_gco
 from testbench.identify.regression import reduce, reduce_by_group
@@ -117,18 +117,6 @@ def test_all_folds_and_weights_are_solved_as_if_one_by_one(kr500, campaign, monk
     exact = replace(gco, trace_weight=taken.weight)(kr500.vjm, s, campaign.identification)
     # w is of the rate whose fit leaves this F_M
     assert taken.weight * exact.f_m * exact.regression.n_equations / 3 == pytest.approx(rate, rel=0.02)
-
-
-def test_factors_of_single_numbers_are_those_of_lapack(rng):
-    """So that blocks of one number may be done in closed form, wherever a matrix is expected."""
-    X = rng.uniform(1e-9, 1e3, (4, 5, 1, 1))
-    np.testing.assert_array_equal(cone.cholesky(X), np.linalg.cholesky(X))
-    for found, expected in zip(cone.eigh(X - 1), np.linalg.eigh(X - 1), strict=True):
-        np.testing.assert_array_equal(found, expected)
-    np.testing.assert_array_equal(cone.eigvalsh(X - 1), np.linalg.eigvalsh(X - 1))
-    for bad in (-X, 0 * X, np.nan * X):
-        with pytest.raises(np.linalg.LinAlgError):
-            cone.cholesky(bad)
 
 
 def test_without_poses_to_hold_out_generalised_cross_validation_chooses(kr500, campaign):
