@@ -30,7 +30,6 @@ from testbench.workflows.options import (
     absolute_alone,
     mass,
     overload_warnings,
-    read_masses,
     takes,
 )
 from testbench.workflows.plan_input import (
@@ -39,10 +38,9 @@ from testbench.workflows.plan_input import (
     build_checks,
     find_feasible_poses,
     given_poses,
-    hung_masses,
+    hung_loads,
     masses_in_turn,
     parse_point,
-    read_loads,
 )
 
 if TYPE_CHECKING:
@@ -185,14 +183,13 @@ def _campaign(
 
 
 def _read_deflections(cell: Cell, asked: SimulateOptions) -> None:
-    times = 1 if asked.loads is None else len(read_masses(asked.loads))
-    q = given_poses(cell, asked.file, asked.mapping, asked.poses, times)
+    masses, pulls = hung_loads(cell.arm, asked.file, asked.payload_kg, asked.loads)
+    q = given_poses(cell, asked.file, asked.mapping, asked.poses, masses.shape[1])
     if q is None:
         q = find_feasible_poses(
             build_checks(cell, PoseConditions()), asked.poses or 0, trial_rng(asked.seed, 0)
         ).q
-    masses = hung_masses(cell.arm, asked.file, asked.payload_kg, asked.loads, len(q))
-    pulls = None if asked.file is None else read_loads(asked.file)[1]
+    masses = np.broadcast_to(masses, (len(q), masses.shape[1]))
     scenario = Scenario(arm=cell.arm.name, payload=float(masses.max()) or None, sigma=_sigma(asked))
     if asked.geometry_mm:
         errors = Disturbances(own_weight=True, geometry=GeometryErrors(*[asked.geometry_mm / 1e3] * 2))

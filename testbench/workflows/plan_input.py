@@ -228,35 +228,38 @@ def given_poses(
     return q
 
 
-def hung_masses(
-    arm: Arm, file: Path | None, payload_kg: float | None, loads: str | None, poses: int
-) -> Array:
-    """Find the masses that hang in every pose of a simulation, in the order of reading.
+def hung_loads(
+    arm: Arm, file: Path | None, payload_kg: float | None, loads: str | None, unsaid: float | None = None
+) -> tuple[Array, Array | None]:
+    """Find what hangs and what pulls in every pose of a simulation.
 
     Args:
         arm: The arm.
         file: File of poses that may say what hangs; None for random poses.
         payload_kg: Flag of one mass [kg].
         loads: Flag of several masses, commas between.
-        poses: Number of poses where the file does not say what hangs.
+        unsaid: Mass where nothing is said [kg]; None for the payload that the arm states.
 
     Returns:
-        Masses, (poses, loads) [kg].
+        Masses in the order of reading, (poses, loads), or (1, loads) where all poses have the same [kg].
+        Forces as `read_loads` has them.
 
     Raises:
         BenchError: When two of them say what hangs.
     """
     if loads is not None and payload_kg is not None:
         raise BenchError("--loads cannot be combined with --payload-kg")
-    stated = None if file is None else read_loads(file)[0]
+    stated, pulls = (None, None) if file is None else read_loads(file)
+    if stated is None and loads is not None:
+        return np.array([read_masses(loads)]), pulls
     if stated is None:
-        mass = payload_of(arm, payload_kg, "--payload-kg") if loads is None else 0.0
-        return np.tile([mass] if loads is None else read_masses(loads), (poses, 1))
+        mass = unsaid if payload_kg is None else payload_kg
+        return np.array([[payload_of(arm, mass, "--payload-kg")]]), pulls
     for flag, value in (("--payload-kg", payload_kg), ("--loads", loads)):
         if value is not None:
             problem = f"states the load of every run; leave out {flag}"
             raise InputError(file or Path(), "column load_kg" if stated.any() else FORCES, problem)
-    return stated[:, None]
+    return stated[:, None], pulls
 
 
 def masses_in_turn(
@@ -276,16 +279,13 @@ def masses_in_turn(
     Raises:
         BenchError: When the file has forces, or other masses from run to run, or two say what hangs.
     """
-    stated, pulls = (None, None) if file is None else read_loads(file)
-    if file is not None and pulls is not None:
-        raise InputError(file, FORCES, "expected no forces with --absolute")
-    if stated is None and loads is None and payload_kg is None:
-        return (0.0,)
-    masses = hung_masses(arm, file, payload_kg, loads, 1)
+    masses, pulls = hung_loads(arm, file, payload_kg, loads, unsaid=0.0)
+    if pulls is not None:
+        raise InputError(file or Path(), FORCES, "expected no forces with --absolute")
     if (masses != masses[0]).any():
         problem = "expected the same load in all runs with --absolute; remove the column and state --loads"
         raise InputError(file or Path(), "column load_kg", problem)
-    return (0.0, *masses[0].tolist())
+    return (0.0, *filter(None, masses[0].tolist()))
 
 
 # --- Candidate poses to measure -----------------------------------------------------------------------------
