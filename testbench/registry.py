@@ -80,9 +80,6 @@ class Registry(MutableMapping[str, T]):
             raise UnknownPart(f"no {self.kind} {name!r}; {self.kind}s are {', '.join(self)}")
         return self.added[name]
 
-    def __contains__(self, name: object) -> bool:
-        return name in self.built_in or name in self.added
-
     def __setitem__(self, name: str, part: T) -> None:
         self._refuse(name, part)
         self._parts[name] = part

@@ -12,9 +12,9 @@ from types import NoneType
 from typing import TYPE_CHECKING, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
-from testbench.arm.document import first_invalid_value
+from testbench.arm.document import StrictModel, first_invalid_value
 from testbench.arm.folder import Arm
 from testbench.arm.mjcf import GRAVITY
 from testbench.data.dataset import Dataset, concatenate_rows, line_precision, select_rows, split_by_pose
@@ -47,10 +47,8 @@ T = TypeVar("T")
 Truth = Literal["nonlinear", "linear"]
 
 
-class Setup(BaseModel):
+class Setup(StrictModel):
     """Describe a campaign as data: a manifest holds it to run the campaign again."""
-
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     arm: str  #: The arm's folder.
     #: "nonlinear" solves the arm's equilibrium in MuJoCo; "linear" takes its first-order deflection,
