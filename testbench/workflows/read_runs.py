@@ -34,12 +34,12 @@ from testbench.identify.diagnosis.hypotheses import describe
 from testbench.identify.diagnosis.kinematics import Submission
 from testbench.identify.equations import RUNS_PER_BATCH
 from testbench.identify.prior import cad_prior, scale_by_prior
-from testbench.identify.registration import Frame, Registration, largest_deviation
+from testbench.identify.registration import Frame, largest_deviation
 from testbench.model.load import own_weight_load, read_body_masses
 from testbench.model.structure import all153
 from testbench.model.vjm import Vjm, evaluate_chain, marker_positions, tool_points, tool_poses
 from testbench.runs.interrupt import SESSION
-from testbench.runs.rows import Row
+from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
 from testbench.workflows.options import ArmName, Load, MapFile, SigmaUm, overload_warnings
 from testbench.workflows.rows import MM, UM
@@ -76,41 +76,44 @@ class ReadingOptions:
 
 # --- Measured runs for a fit: read, brought into the base's frame, poses that are held back set apart -------
 
-SMALL = 1e-9  #: Rotation that has no axis [rad].
+SMALL = 1e-9  #: Rotation that has no axis [deg].
 
 
 def registration_notes(registered: RegisteredDataset) -> tuple[str, ...]:
     """Write notes on the frames, on how well the readings fit, and on targets taken as found."""
-    if registered.registration is None:
+    row = registration_row(registered)
+    if row is None:
         return (f"readings are taken to be in the base's frame: {registered.failure}",)
     frames = ["readings are in the base's frame"]
     if registered.frame == "tracker":
-        every = registered.registration.frames.items()
-        frames = [_frame_note(name, frame.with_base_at(registered.vjm.base_pose)) for name, frame in every]
-    fit = _fit_note(registered.registration, _sag(registered.vjm, registered.data))
-    return (*frames, fit, *_target_notes(registered, registered.registration))
+        frames = [_frame_note(frame) for frame in row.frames]
+    fitted = [row.targets[k] for k in np.flatnonzero(registered.is_fitted_target)]
+    fit = _fit_note(row, _sag(registered.vjm, registered.data))
+    return (*frames, fit, *map(_target_note, fitted))
 
 
-def _frame_note(name: str, frame: Frame) -> str:
+def _frame_note(frame: Row) -> str:
     """Where the base is in the frame of a station, and how well that is known."""
-    angle = frame.rotation_angle
-    axis = (frame.rotation_vector / max(angle, SMALL)).round(3) + 0.0  # no -0.000
-    at = ", ".join(f"{MM * x:.1f}" for x in frame.translation)
+    angle = float(np.linalg.norm(frame.rotation_deg))
+    axis = (np.array(frame.rotation_deg) / max(angle, SMALL)).round(3) + 0.0  # no -0.000
     about = ", ".join(f"{x:.3f}" for x in axis)
-    text = f"{name}: base at ({at}) mm in the tracker's frame, "
-    text += f"turned by {math.degrees(angle):.3f} deg about ({about})"
-    if not frame.covariance.any():
+    text = f"{STATION_PREFIX} {frame.station}: base at ({_place(frame)}) mm in the tracker's frame, "
+    text += f"turned by {angle:.3f} deg about ({about})"
+    if not (frame.position_sd_mm or frame.rotation_sd_deg):
         return text
-    where = MM * largest_deviation(frame.covariance[3:, 3:])
-    turned = math.degrees(frame.rotation_deviation)
+    where, turned = frame.position_sd_mm, frame.rotation_sd_deg
     return f"{text}. Uncertainty (1 sd) by noise: {where:.2f} mm and {turned:.3f} deg"
 
 
-def _fit_note(registration: Registration, sag: float | None) -> str:
+def _place(row: Row) -> str:
+    return ", ".join(f"{x:.1f}" for x in row.position_mm)
+
+
+def _fit_note(row: Row, sag: float | None) -> str:
     """How well all readings fit, and how far own weight alone sags the tool, RMS [m], where that is known."""
-    text = f"unloaded readings fit the arm's kinematics to {MM * registration.rms_distance:.2f} mm RMS"
-    if registration.n_downweighted:
-        text += f"; {registration.n_downweighted} of {len(registration.distances)} fit worse and count less"
+    text = f"unloaded readings fit the arm's kinematics to {row.rms_mm:.2f} mm RMS"
+    if row.wild:
+        text += f"; {row.wild} of {row.readings} fit worse and count less"
     size = "" if sag is None else f" ({MM * sag:.2f} mm RMS according to the arm's folder)"
     return (
         f"{text}. Unloaded readings contain the deflection under own weight{size}. Differences between "
@@ -118,18 +121,14 @@ def _fit_note(registration: Registration, sag: float | None) -> str:
     )
 
 
-def _target_notes(registered: RegisteredDataset, registration: Registration) -> Iterator[str]:
-    """Where targets taken as found are, and how far from where the arm's folder has them."""
-    deviations = registration.target_deviations.max(axis=1)
-    for k in np.flatnonzero(registered.is_fitted_target):
-        at = ", ".join(f"{MM * x:.1f}" for x in registration.targets[k])
-        away = float(np.linalg.norm(registration.targets[k] - registration.nominal_targets[k]))
-        new = "new" if math.isnan(away) else f"{MM * away:.1f} mm from its nominal place"
-        text = (
-            f"target {registration.target_names[k]} at ({at}) mm in the tool's frame, {new}. "
-            "Uncertainty (1 sd) by noise:"
-        )
-        yield f"{text} {MM * deviations[k]:.2f} mm"
+def _target_note(target: Row) -> str:
+    """Where a target taken as found is, and how far from where the arm's folder has it."""
+    away = target.from_nominal_mm
+    new = "new" if away is None else f"{away:.1f} mm from its nominal place"
+    return (
+        f"target {target.marker} at ({_place(target)}) mm in the tool's frame, {new}. "
+        f"Uncertainty (1 sd) by noise: {target.position_sd_mm:.2f} mm"
+    )
 
 
 def _sag(vjm: Vjm, data: Dataset) -> float | None:
@@ -361,7 +360,7 @@ def read_frames(path: Path) -> dict[int, Frame]:
     return {one.station: Frame(R, np.array(one.position_m)) for one, R in zip(given, turns, strict=True)}
 
 
-def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
+def registration_row(registered: RegisteredDataset) -> Row | None:
     """Collect frames and targets, and how well unloaded readings fit them; None if no frame fitted.
 
     Of a frame the base's position in it, turn as a rotation vector, and largest standard deviations, 0 for
@@ -372,35 +371,36 @@ def registration_row(registered: RegisteredDataset) -> dict[str, object] | None:
     if registration is None:
         return None
     away = MM * np.linalg.norm(registration.targets - registration.nominal_targets, axis=1)
-    return {
-        "frame": registered.frame,
-        "frames": [
-            {
-                "station": station_number(name),
-                "position_mm": (MM * frame.translation).tolist(),
-                "rotation_deg": np.degrees(frame.rotation_vector).tolist(),
-                "position_sd_mm": MM * largest_deviation(frame.covariance[3:, 3:]),
-                "rotation_sd_deg": math.degrees(frame.rotation_deviation),
-            }
-            for name, frame in (
-                (name, frame.with_base_at(registered.vjm.base_pose))
-                for name, frame in registration.frames.items()
+    based = {
+        station_number(name): frame.with_base_at(registered.vjm.base_pose)
+        for name, frame in registration.frames.items()
+    }
+    return Row(
+        frame=registered.frame,
+        frames=[
+            Row(
+                station=station,
+                position_mm=(MM * frame.translation).tolist(),
+                rotation_deg=np.degrees(frame.rotation_vector).tolist(),
+                position_sd_mm=MM * largest_deviation(frame.covariance[3:, 3:]),
+                rotation_sd_deg=math.degrees(frame.rotation_deviation),
             )
+            for station, frame in based.items()
         ],
-        "targets": [
-            {
-                "marker": name,
-                "position_mm": (MM * registration.targets[k]).tolist(),
-                "from_nominal_mm": float(away[k]) if np.isfinite(away[k]) else None,
-                "position_sd_mm": MM * float(registration.target_deviations[k].max()),
-            }
+        targets=[
+            Row(
+                marker=name,
+                position_mm=(MM * registration.targets[k]).tolist(),
+                from_nominal_mm=finite(away[k]),
+                position_sd_mm=MM * float(registration.target_deviations[k].max()),
+            )
             for k, name in enumerate(registration.target_names)
         ],
-        "rms_mm": MM * registration.rms_distance,
-        "noise_mm": MM * registration.noise,
-        "readings": len(registration.distances),
-        "wild": registration.n_downweighted,
-    }
+        rms_mm=MM * registration.rms_distance,
+        noise_mm=MM * registration.noise,
+        readings=len(registration.distances),
+        wild=registration.n_downweighted,
+    )
 
 
 # --- Contents of a file of measured runs: columns by quantity, loads, lost targets, how far targets move ----
