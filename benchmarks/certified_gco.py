@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from by_cvxpy import Entries, cvxpy, solve_modelled, vectorised
 from measure import MODELS, Row, at_least, at_most, feasible_poses, interleave, note, seconds, spread
 
 from testbench.data.dataset import Dataset
@@ -17,7 +18,6 @@ from testbench.identify.regression import reduce
 from testbench.model.structure import Structure, all153
 from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import IsotropicTracker, read_orientations, read_positions
-from testbench.studies.paper.factorised import Entries, cvxpy, solve_modelled, vectorised
 from testbench.workflows.cell import Cell, build_cell
 
 ARMS = ("arm_6r", "kr500_l480")

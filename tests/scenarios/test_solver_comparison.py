@@ -1,8 +1,6 @@
 """The solver comparison as a stranger runs it: files, keys, who ends where."""
 
-import sys
-
-from run_here import app_of_study, check_files, here, is_refused, quick_study
+from run_here import app_of_study, check_files, quick_study
 
 APP = app_of_study("solver_comparison")
 SMALL = ["--generations", "3", "--trial-points", "30", "--starts", "2", "--model", "MGCO56", "--seed", 3]
@@ -26,10 +24,3 @@ def test_conic_program_is_never_above_any_other_solver(report):
             assert row["relative_excess"]["least"] >= -1e-6  # the trace beside F_M costs (d) up to 1e-7 of it
             # certified: nobody is farther from the least F_M than its bound says
             assert row["relative_excess"]["p95"] <= row["relative_excess_bound"]["p95"]
-
-
-def test_scs_without_cvxpy_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "cvxpy", None)  # as where it is not installed
-    done = here(APP, "--quick", "--out", tmp_path / "out", "--scs")
-    is_refused(done, "SCS is called through cvxpy, which is not installed")
-    assert not [*tmp_path.iterdir()]

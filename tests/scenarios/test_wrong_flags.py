@@ -25,7 +25,6 @@ WRONG = [
     ("model_error", "--sigma-um 0", "sigma-um"),
     ("model_error", "--arm x", "folder"),
     ("model_error", "--arms tubes", "--arms: expected some of stiffer_3, "),
-    ("model_error", "--sizes -1", "sizes"),
     ("model_error", "--only rust", "no disturbance 'rust'; disturbances are own weight"),
     ("noise_sensitivity", "--sigma-um -1", "--sigma-um: expected different values of 0 to 10000, got -1"),
     ("noise_sensitivity", "--sigma-um 5 --sigma-um 5", "--sigma-um"),

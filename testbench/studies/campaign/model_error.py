@@ -90,10 +90,6 @@ class DisturbanceOptions:
         list[str] | None,
         typer.Option(metavar="NAME", help="Also fit this true arm; repeatable (default: all)."),
     ] = None
-    sizes: Annotated[
-        list[float] | None,
-        typer.Option(min=0, max=10, metavar="X", help="Fit disturbances X times as large too; repeatable."),
-    ] = None
 
 
 @dataclass(frozen=True)
@@ -108,13 +104,12 @@ class DisturbanceSettings:
     only: tuple[str, ...] = ()  #: Names of cases beside none and all together; none for every one.
     true_arm: str = FAMILY_NAME  #: One of FAMILY_TRUE_ARMS, or the family in turn.
     arms: tuple[str, ...] = ()  #: Beside it, of HELD_OUT_TRUE_ARMS.
-    sizes: tuple[float, ...] = ()  #: In which it is disturbed in every way too, over those of the cases [1].
 
 
 def _settings(options: DisturbanceOptions, quick: bool, seeds: range) -> DisturbanceSettings:
     """Make the settings of the flags; BenchError for a disturbance or a true arm that does not exist."""
     disturbances(options.scale, options.only or ())
-    arms, sizes = tuple(options.arms or HELD_OUT_TRUE_ARMS), tuple(options.sizes or SIZES)
+    arms = tuple(options.arms or HELD_OUT_TRUE_ARMS)
     for name in arms:
         if name not in kinds_held_out():
             raise BenchError(f"--arms: expected some of {', '.join(kinds_held_out())}, got {name!r}")
@@ -130,7 +125,6 @@ def _settings(options: DisturbanceOptions, quick: bool, seeds: range) -> Disturb
         only,
         options.true_arm,
         () if alone else tuple(dict.fromkeys(arms)),
-        tuple(dict.fromkeys(size for size in sizes if size != 1)),
     )
 
 
@@ -194,7 +188,7 @@ def _trial(cell: Cell, asked: DisturbanceSettings, seed: int, estimators: Models
     cases = list(_cases(true, asked, seed, {"true_arm": own, "part": IN_FAMILY, "size": 1.0}))
     yield from _rows(true, models, cases)
     few = [model for model in models if model.name in BESIDE or isinstance(model.estimator, UserEstimator)]
-    for arm, size in [*((own, size) for size in asked.sizes), *((arm, 1.0) for arm in asked.arms)]:
+    for arm, size in [*((own, size) for size in SIZES), *((arm, 1.0) for arm in asked.arms)]:
         true = true_cell(cell, arm, seed)
         case = _beside(true, asked, seed, size, {"true_arm": arm, "part": BESIDE_IT, "size": size})
         yield from _rows(true, few, [case])

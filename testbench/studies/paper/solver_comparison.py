@@ -18,7 +18,7 @@ from testbench.arm.folder import find_arm
 from testbench.errors import Array, BenchError
 from testbench.files.write import csv_text
 from testbench.identify.conic import certify
-from testbench.identify.estimate import Estimate, Estimator, make_estimate
+from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.method import gco, paper_gco
 from testbench.identify.regression import reduce
 from testbench.report.badge import of_rivals
@@ -38,11 +38,9 @@ from testbench.studies.paper.factorised import (
     Factorised,
     Search,
     costs,
-    cvxpy,
     explore,
     factorise,
     local_solves,
-    modelled,
     parameters,
 )
 from testbench.studies.paper.six_dof_arm import TUBES
@@ -62,10 +60,7 @@ QUICK_GENERATIONS, QUICK_STARTS = 60, 5
 WITHIN = 1.01  #: F_M over the least one at which a solver is called there: within 1 %.
 PAPERS = ("a", "a'")  #: Letters of the paper's optimiser.
 SHADES = {"a": SERIES[3], "a'": SERIES[2], "b": SERIES[1], "b'": SERIES[5], "c": SERIES[4], "d": GCO}
-LOOKS = {
-    key: Look(colour, place, prior=True)
-    for place, (key, colour) in enumerate((SHADES | {"e": SERIES[6]}).items())
-}
+LOOKS = {key: Look(colour, place, prior=True) for place, (key, colour) in enumerate(SHADES.items())}
 """One colour and one mark a solver: the conic program green, the others not; all minimise the same F_M."""
 FAST = "f_m relative_excess relative_excess_bound solve_seconds seconds_to_1_percent ratio_to_conic"
 SHORT = f"solver {FAST} check_true.rms_mm"
@@ -97,7 +92,6 @@ class SolverOptions:
         int, typer.Option(min=1, metavar="N", help="Trial points of the global search.")
     ] = 1000
     starts: Annotated[int, typer.Option(min=1, metavar="N", help="Local solves of the multistart.")] = 10
-    scs: Annotated[bool, typer.Option("--scs", help="Also run SCS through cvxpy (make bench).")] = False
 
 
 @dataclass(frozen=True)
@@ -171,8 +165,6 @@ def _gco_model(cell: Cell, name: str) -> Model:
 def _settings(options: SolverOptions, quick: bool, seeds: range) -> SolverSettings:
     """Make the settings of the flags."""
     _gco_model(build_cell(find_arm(ARM)), options.model)
-    if options.scs:
-        cvxpy("SCS")
     most = (QUICK_GENERATIONS, QUICK_STARTS) if quick else (options.generations, options.starts)
     generations, starts = map(min, zip((options.generations, options.starts), most, strict=True))
     return SolverSettings(**vars(options) | {"generations": generations, "starts": starts}, first=seeds[0])
@@ -188,10 +180,8 @@ def _trial(shared: tuple[Cell, Model], asked: SolverSettings, seed: int, _: Mode
     """Make the rows of a seed, one per solver."""
     cell, model = shared
     campaign = simulate_full_pose(cell, SCENARIO, seed)
-    conic = _repeated("d", paper_gco, cell, model, campaign)
+    conic = _conic(cell, model, campaign)
     solver_results = [*_factor_solvers(cell, model, asked, campaign), conic]
-    if asked.scs:
-        solver_results.append(_repeated("e", modelled, cell, model, campaign))
     proof = conic.estimate.certificate
     assert proof is not None
     proofs = [
@@ -216,14 +206,14 @@ def _trial(shared: tuple[Cell, Model], asked: SolverSettings, seed: int, _: Mode
     ]
 
 
-def _repeated(key: str, estimator: Estimator, cell: Cell, model: Model, campaign: Campaign) -> SolverResult:
-    """A solver without chance, certificate included where it makes one: median time of several calls."""
+def _conic(cell: Cell, model: Model, campaign: Campaign) -> SolverResult:
+    """The conic program with its certificate: median time of several calls."""
     calls = []
     for _ in range(1 + REPEATS):
         start = perf_counter()
-        estimate = estimator(cell.vjm, model.structure, campaign.identification)
+        estimate = paper_gco(cell.vjm, model.structure, campaign.identification)
         seconds = perf_counter() - start
-        calls.append(SolverResult(key, estimate, [(seconds, estimate.f_m)], seconds))
+        calls.append(SolverResult("d", estimate, [(seconds, estimate.f_m)], seconds))
     return sorted(calls[1:], key=lambda call: call.seconds)[REPEATS // 2]
 
 
@@ -331,7 +321,6 @@ def _solvers(asked: SolverSettings, trials: Trials) -> Iterator[Row]:
         "b'": "one local solve by differences",
         "c": f"{asked.starts} local solves",
         "d": "the conic program",
-        "e": "cvxpy, SCS",
     }
     for (key,), own in trials.drop(*campaigns.NOT_OF_A_MODEL).groups("key"):
         there = own.pick(np.isfinite(own["seconds_to_1_percent"]))
