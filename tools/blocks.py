@@ -13,10 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from read_reports import read_report
+
 from testbench.errors import InputError
 from testbench.report.badge import share
 from testbench.report.markdown import grid, lines
-from testbench.report.report import LISTS, PARTS, Report, read_report
+from testbench.report.report import LISTS, PARTS, Report
 from testbench.studies import find_study
 from testbench.studies.study import DEFAULT_WITHOUT_CONE
 from testbench.workflows.models import DEFAULT

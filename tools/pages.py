@@ -18,13 +18,14 @@ from typing import Annotated
 
 import typer
 from blocks import fill
+from read_reports import read_report
 from stamps import Stamp, digest, stamp
 
 from testbench.errors import BenchError
 from testbench.report.figure import log_ticks, quiet, save, say
 from testbench.report.figure import page as blank
 from testbench.report.markdown import capital, grid, titled
-from testbench.report.report import Report, read_report
+from testbench.report.report import Report
 from testbench.report.schema import Table, TableColumn, with_fewer_columns
 from testbench.runs import command
 from testbench.runs.spread import Spread

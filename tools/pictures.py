@@ -21,10 +21,10 @@ import pages
 import shot
 import typer
 from PIL import Image
+from read_reports import read_report
 from stamps import Stamp, read_stamp, stamp
 
 from testbench.errors import BenchError
-from testbench.report.report import read_report
 from testbench.runs import command
 
 ROOT = Path(__file__).resolve().parents[1]

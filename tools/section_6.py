@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from read_reports import read_report
 from scipy.optimize import minimize
 from scipy.stats import goodness_of_fit, norm
 
@@ -25,7 +26,6 @@ from testbench.errors import Array
 from testbench.identify.estimate import Estimate, deflections, make_estimate, score
 from testbench.identify.regression import reduce
 from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
-from testbench.report.report import read_report
 from testbench.report.schema import Table, TableColumn, columns
 from testbench.report.table import Row, Trials, aligned
 from testbench.runs import command

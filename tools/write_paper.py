@@ -19,11 +19,11 @@ import typer
 from jinja2 import Environment, StrictUndefined, TemplateError
 from pages import write_table
 from printed_matrices import printed_matrices, tables
+from read_reports import read_report
 
 from testbench.arm.folder import find_arm
 from testbench.errors import InputError
 from testbench.report.markdown import as_markdown, counted, grid
-from testbench.report.report import read_report
 from testbench.report.schema import Table, show_truth, written_out
 from testbench.runs import command
 from testbench.studies.paper import single_link

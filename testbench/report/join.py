@@ -10,9 +10,8 @@ import numpy as np
 from testbench.errors import BenchError
 from testbench.plant.true_arms import FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import Badge, decide
-from testbench.report.report import number
 from testbench.report.schema import ALIKE, true_arm_label
-from testbench.report.table import Row, finite
+from testbench.report.table import Row, finite, rows
 from testbench.runs.manifest import Finished
 from testbench.runs.spread import (
     SAME_ERROR,
@@ -58,7 +57,7 @@ def _model(own: Mapping[str, Any]) -> Row:
     errors = {}
     for kind in KINDS:
         cell = own.get(kind)
-        mm = number(cell.get("rms_mm")) if isinstance(cell, dict) else None
+        mm = rows(cell.get("rms_mm")) if isinstance(cell, dict) else None
         if isinstance(mm, float | int | Spread):
             errors[kind] = mm
     keys = ("name", "structure", "constraint", "prior", "method", "conservative")

@@ -17,7 +17,6 @@ import numpy as np
 
 from testbench.progress import stepwise
 from testbench.report.badge import Badge
-from testbench.report.colours import Look
 from testbench.report.markdown import (
     MAX_STATEMENTS,
     Markdown,
@@ -30,9 +29,9 @@ from testbench.report.markdown import (
 )
 from testbench.report.scene import PageContent, typical_first
 from testbench.report.schema import Table, TableColumn, columns, looks, show, written_out
-from testbench.report.table import DRAWN, SPREAD, TRIAL, Row, Trials, find, plain, rows
+from testbench.report.table import TRIAL, Row, Trials, find, plain
 from testbench.runs import manifest as files
-from testbench.runs.manifest import digests, read_plain
+from testbench.runs.manifest import digests
 from testbench.runs.spread import Spread, middle
 from testbench.runs.whole import whole_folder
 from testbench.workflows.rows import FAILED
@@ -44,7 +43,6 @@ FORMS = {"list": listed, "counted": counted}
 """What a sentence may ask for beside a format of numbers."""
 PARTS = ("question", "title", "answer", "worst")  #: Of one line each.
 LISTS = ("statements", "more", "body")
-OWN = ("scenario", "badge", "said", "tables")  #: Keys of report.json that are no numbers.
 
 
 class _Sentence(Formatter):
@@ -168,33 +166,6 @@ class Report:
         return data
 
 
-def read_report(file: Path) -> Report:
-    """Read report.json with its words and tables; numbers as rows. InputError where it cannot be read."""
-    return read(read_plain(file))  # type: ignore[arg-type]  # what is no table of keys raises
-
-
-def read(found: Mapping[str, Any]) -> Report:
-    """Read a report from what is in report.json; KeyError, TypeError or ValueError where that is none."""
-    said = found["said"]
-    return Report(
-        scenario=str(found["scenario"]),
-        **{name: Markdown(said[name]) for name in PARTS},
-        claims=[Markdown(claim) for claim in said["claims"]],
-        body=[Markdown(part) if isinstance(part, str) else str(part["table"]) for part in said["body"]],
-        numbers=rows({key: own for key, own in found.items() if key not in OWN}),
-        badge=_badge(found.get("badge")),
-        tables={name: _unpacked(own) for name, own in found["tables"].items()},
-    )
-
-
-def _badge(found: Any) -> Badge | None:
-    """What report.json says of who wins."""
-    if found is None:
-        return None
-    lists = {"interval": found["interval"] and tuple(found["interval"]), "ties": tuple(found["ties"])}
-    return Badge(**{own.name: found[own.name] for own in fields(Badge)} | lists)
-
-
 DEFAULTS = {f.name: f.default for f in fields(TableColumn) if f.name != "called"}
 LEFT = ("key", "paper", "scale", "declared")
 """Of a column whose cells are data by place and in its unit."""
@@ -229,39 +200,6 @@ def _cell(value: Any) -> Any:
         return value
     own = {"values": [float(f"{x:.4g}") for x in value.values], "interval": value.interval}
     return {**plain(value), **{key: each for key, each in own.items() if each}}
-
-
-def _unpacked(found: Mapping[str, Any]) -> Table:
-    """A table of such data."""
-    named = zip(found["columns"], found["keys"], strict=True)
-    columns = [
-        TableColumn(**own, key=f"cells.{k}", paper=f"{k}", declared=str(key))
-        for k, (own, key) in enumerate(named)
-    ]
-    rows = [
-        Row(cells=[number(cell) for cell in cells], paper={f"{k}": own for k, own in enumerate(paper)})
-        for cells, paper in zip(found["rows"], found["paper"], strict=True)
-    ]
-    headline = found.get("headline", "")
-    return Table(
-        tuple(columns),
-        rows,
-        title=str(found.get("title", "")),
-        bold=str(found.get("bold", "")),
-        headline=f"cells.{found['keys'].index(headline)}" if headline in found["keys"] else "",
-        across=str(found.get("across", "")),
-        looks={
-            name: Look(tuple(own["colour"]), own["place"], own["prior"])
-            for name, own in found["looks"].items()
-        },
-    )
-
-
-def number(cell: Any) -> Any:
-    """Restore a median with its percentiles."""
-    if not (isinstance(cell, Mapping) and SPREAD <= cell.keys() <= {*SPREAD, *DRAWN}):
-        return cell
-    return Spread(**{**cell, **{key: tuple(cell[key]) for key in DRAWN if cell.get(key)}})
 
 
 FAILURES = "failures"  #: Name of the table.

@@ -230,13 +230,13 @@ def find(rows: Sequence[Row], **alike: Any) -> Row:
 
 
 def rows(value: Any) -> Any:
-    """Make rows of JSON data: every table of keys a row, every spread one."""
-    if isinstance(value, Mapping):
-        if {"median", "p05", "p95"} <= value.keys() <= {*SPREAD}:
-            read: dict[str, Any] = {key: math.nan if own is None else own for key, own in value.items()}
-            return Spread(**read)
+    """Make rows of JSON data: every table of keys a row, every spread one, what is drawn of it too."""
+    if not isinstance(value, Mapping):
+        return [rows(own) for own in value] if isinstance(value, list | tuple) else value
+    if not {"median", "p05", "p95"} <= value.keys() <= {*SPREAD, *DRAWN}:
         return Row({key: rows(own) for key, own in value.items()})
-    return [rows(own) for own in value] if isinstance(value, list | tuple) else value
+    read: dict[str, Any] = {key: math.nan if own is None else own for key, own in value.items()}
+    return Spread(**read | {key: tuple(value[key]) for key in DRAWN if key in value})
 
 
 def plain(value: Any) -> Any:

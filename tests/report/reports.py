@@ -12,12 +12,12 @@ import pytest
 from checks import check_words, unit_in
 from made_up import of_one_trial
 from page_checks import check_tables
+from read_reports import read
 from rich.console import Console
 
 from testbench.report import page as html
 from testbench.report import terminal
 from testbench.report.figure import SOFT
-from testbench.report.report import read
 from testbench.report.table import Trials
 from testbench.runs.spread import Spread, ends, middle
 from testbench.runs.store import arrow_table, write_trials

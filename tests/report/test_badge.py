@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from checks import MOST_WORDS, sentences
 from made_up_run import REPORT
+from read_reports import read
 from scipy.stats import binom
 
 from testbench.report import badge
 from testbench.report.badge import Badge, decide, drawn, incumbents, of_models
-from testbench.report.report import read
 from testbench.report.table import SHARED, Row, Trials, merged
 from testbench.runs.spread import independent
 from testbench.workflows.model_names import in_words

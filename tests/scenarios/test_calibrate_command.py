@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from checks import at, tables_of
 from page_checks import check_page, drawn_in, layer_of, said, times_of
+from read_reports import read
 from reports import check
 from run_here import check_folder, do, fine, numbers_alone, refused
 from strangers import MESH
@@ -23,7 +24,6 @@ from testbench.identify.equations import series_equations
 from testbench.identify.posterior import Posterior
 from testbench.plant.build import build_plant
 from testbench.report.markdown import grid
-from testbench.report.report import read
 from testbench.report.schema import show
 from testbench.workflows.absolute import File, evenly_spaced_rows, position_errors, read_all
 from testbench.workflows.arm_models import read_model

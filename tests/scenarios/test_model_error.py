@@ -35,13 +35,15 @@ def test_payload_errors_spoil_the_model_and_not_the_arm(report, rows):
 
 
 def test_kinds_beside_the_family_are_disturbed_in_every_way_and_sizes_are_of_the_same_arm():
-    """Twice the disturbances by --scale, and beside the family by --sizes, are the same arm and readings."""
-    asked = {"workspace": 5, "only": ("backlash", "soft foundation"), "arms": ("coupled",), "sizes": (2.0,)}
+    """Twice the disturbances by --scale, and beside the family, are the same arm and readings."""
+    asked = {"workspace": 5, "only": ("backlash", "soft foundation"), "arms": ("coupled",)}
     [rows] = STUDY.work(DisturbanceSettings("kr500_l480", 2, **asked))([2])
     beside = {(r.true_arm, r.size, r.name): r for r in rows if r.part == "beside"}
     names = ("Joints", "MLS56 + prior", "ALL153 + prior")
     own = next(r.true_arm for r in rows if r.part == "family")
-    assert beside.keys() == {(*arm, name) for arm in [(own, 2.0), ("coupled", 1.0)] for name in names}
+    assert beside.keys() == {
+        (*arm, name) for arm in [(own, 0.5), (own, 2.0), ("coupled", 1.0)] for name in names
+    }
     [twice] = STUDY.work(DisturbanceSettings("kr500_l480", 2, scale=2.0, workspace=5, only=asked["only"]))(
         [2]
     )

@@ -13,11 +13,11 @@ import pytest
 from made_up import of_one_trial
 from matplotlib.text import Text
 from pyarrow import parquet
+from read_reports import read_report
 from run_here import ROOT, app_of_study, here, numbers_alone
 from test_compensation import less_work
 
 from testbench.identify.method import paper_gco
-from testbench.report.report import read_report
 from testbench.studies import find_study, planning
 from testbench.studies.paper import six_dof_arm
 from testbench.studies.planning import PlannedRow

@@ -9,6 +9,7 @@ import pages
 import pytest
 import write_paper
 from blocks import FROM, PLAIN, expected, fill
+from read_reports import read_report
 from run_here import app_of, here, numbers_alone
 from stamps import digest, read_stamp
 from words import SHARE, long_sentences, sentences
@@ -17,7 +18,6 @@ from words import pages as all_pages
 from testbench import __version__
 from testbench.errors import InputError
 from testbench.report.markdown import grid
-from testbench.report.report import read_report
 from testbench.runs.spread import Spread
 from testbench.studies.paper.loaded_stiffness import STUDY
 from testbench.studies.paper.verdicts import number, statement_row, verdict_table

@@ -11,6 +11,7 @@ import pages
 import pictures
 import pytest
 from PIL import Image
+from read_reports import read_report
 from run_here import app_of, do, here
 from scipy.linalg import block_diag
 from stamps import Stamp, digest, read_stamp, stamp
@@ -23,7 +24,6 @@ from testbench.model.load import first_order_deflection
 from testbench.model.structure import all153
 from testbench.model.vjm import evaluate_chain
 from testbench.report import report as reports
-from testbench.report.report import read_report
 from testbench.studies import run as studies
 
 ROOT = Path(__file__).resolve().parents[2]
