@@ -48,7 +48,7 @@ def test_kinds_beside_the_family_are_disturbed_in_every_way_and_sizes_are_of_the
         [2]
     )
     for row in twice:
-        if row.case == "all together" and row.sigma_um and row.name in names:
+        if row.part == "family" and row.case == "all together" and row.sigma_um and row.name in names:
             assert row.rms_um == pytest.approx(beside[own, 2.0, row.name].rms_um, rel=1e-6)
     once = {r.name: r for r in rows if r.part == "family" and r.case == "all together" and r.sigma_um}
     assert all(abs(once[name].rms_um / beside[own, 2.0, name].rms_um - 1) > 1e-3 for name in names)
