@@ -63,11 +63,9 @@ def sound(cells: Mapping[str, Cell], seed: int, mount: np.ndarray | None = None)
     mount = np.eye(3) if mount is None else mount
     rng = trial_rng(seed, 30)
     name = str(rng.choice(list(PAYLOAD), p=[0.75, 0.25]))
-    cell, loads, truth = (
-        cells[name],
-        LOADS[seed % len(LOADS)],
-        list(FAMILY_TRUE_ARMS)[seed // len(LOADS) % len(FAMILY_TRUE_ARMS)],
-    )
+    cell = cells[name]
+    loads = LOADS[seed % len(LOADS)]
+    truth = list(FAMILY_TRUE_ARMS)[seed // len(LOADS) % len(FAMILY_TRUE_ARMS)]
     disturbed = bool(rng.random() < 0.5)
     typical = (
         TYPICAL_DISTURBANCES if name == "kr500_l480" else replace(TYPICAL_DISTURBANCES, compensator=None)

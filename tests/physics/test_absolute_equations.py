@@ -212,11 +212,9 @@ def test_readings_of_a_pose_pull_no_harder_than_the_wildest_of_them(state, kr500
 
 def drawn_at_random(rng, free=2, small=6, large=50, equations=(120, 80)):
     """A linear problem of two kinds of equations, and of three groups of unknowns beside free ones."""
-    count, play, band = (
-        free + small + 2 * large,
-        sizes.DEFAULT_ERROR_SCALES["play"],
-        sizes.DEFAULT_ERROR_SCALES["harmonics"],
-    )
+    count = free + small + 2 * large
+    play = sizes.DEFAULT_ERROR_SCALES["play"]
+    band = sizes.DEFAULT_ERROR_SCALES["harmonics"]
     groups = [("play", free + np.arange(small))]
     groups += [("harmonics", free + small + k * large + np.arange(large)) for k in range(2)]
     unknowns = SimpleNamespace(

@@ -305,10 +305,8 @@ def test_what_points_share_goes_with_a_frame_that_is_fitted_to_them(absolute):
     q = Q + np.random.default_rng(6).uniform(-0.1, 0.1, (POINTS, 6))
     q[:, 0] = 0.3
     stand = LoadedPoses(q, [FORCE])
-    whole, left = (
-        motion_half_widths(absolute, stand, None, TIP[None])[:, 0],
-        relative_half_widths(absolute, stand, TIP),
-    )
+    whole = motion_half_widths(absolute, stand, None, TIP[None])[:, 0]
+    left = relative_half_widths(absolute, stand, TIP)
     assert np.median(left) < 0.6 * np.median(whole)
     base = np.zeros((1, len(absolute.posterior.covariance_root[0])))
     base[0, 3:6] = 1e-3  # a turn of link 1's end, joint 1 at rest: all go round as one
@@ -406,6 +404,11 @@ def test_the_resultant_of_loads_is_the_sum_of_their_forces_moments_and_levers(kr
     np.testing.assert_allclose(resultant_wrench(R, [each, same]), expected, rtol=0, atol=1e-12)
 
 
+#: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.
+TORN = [0.679164, -1.850984, 0.144721, 0.827372, 0.01697, -0.264587]
+TO = [0.679618, -1.851264, 0.144247, 0.827643, 0.016682, -0.264803]
+
+
 @pytest.mark.parametrize(
     ("shares", "name"),
     [((0.6, 0.49), "a"), ((0.6, 0.51), None), ((0.49, 0.1), None), ((0.3, 0.55), "b")],
@@ -417,11 +420,6 @@ def test_the_part_that_is_named_leaves_clearly_more_open_than_the_next(known, mo
     found = largest_uncertainty(known, Q[None], [FORCE], TIP, of_positions=False)
     assert (found and found.name) == name
     assert found is None or (found.variance_share, found.is_joint) == (told[name], False)
-
-
-#: Near a stretched elbow and wrist: how a path was once torn between two ways to take a point.
-TORN = [0.679164, -1.850984, 0.144721, 0.827372, 0.01697, -0.264587]
-TO = [0.679618, -1.851264, 0.144247, 0.827643, 0.016682, -0.264803]
 
 
 @pytest.mark.parametrize("hold", ["pose", "axis", "position"])

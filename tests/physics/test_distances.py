@@ -87,10 +87,8 @@ def test_rows_of_distances_are_finite_differences_and_a_turn_about_a_point_is_le
         one = replace(one, distance_offset_sigma=1.0, distance=one.distance - 0.7)
     state = align_all(nominal_state(kr500.vjm, read_body_masses(kr500.arm), np.ones(6)), (one,))
     unknowns = unknowns_of(kr500.vjm, (one,), JointErrorTerms(), joints_only(kr500.arm))
-    rows, (u, _) = (
-        series_equations(unknowns, state, one),
-        distance_directions(state, one, series_equilibrium(state, one)),
-    )
+    rows = series_equations(unknowns, state, one)
+    (u, _) = distance_directions(state, one, series_equilibrium(state, one))
     across = rows - u[:, :, None] * np.einsum("sxr,sxcr->scr", u, rows)[:, None]
     np.testing.assert_allclose(across, 0, atol=1e-9)  # of 1e4, rounding
     step, turns = 1e-5, unknowns.unused_rotations
@@ -267,10 +265,8 @@ def test_faces_and_fixed_points_are_drawn_where_they_were_found(stiff, touched, 
         error = 1e-5 * rng.standard_normal(one.distance.shape)
         return replace(one, name=f"file {one.name}", sigma=1e-5, distance=one.distance + error)
 
-    every, options = (
-        [*map(noisy, (*touched, *read))],
-        CalibrationOptions(used_errors=frozenset({"joint springs"})),
-    )
+    every = [*map(noisy, (*touched, *read))]
+    options = CalibrationOptions(used_errors=frozenset({"joint springs"}))
     found = calibrate_with_masses(stiff.vjm, every, options)
     [group] = draw_calibration(stiff, found, remaining_errors(found)).scene.groups
     layers = {layer.name: layer for layer in group.layers}

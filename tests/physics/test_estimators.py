@@ -231,6 +231,9 @@ def test_order_of_the_vector_space_by_counting_is_that_of_eq_20(arm_6r):
     assert factorised.order_range(template56(arm_6r.arm), 108) == (1.5, pytest.approx(648 / (2 * 14)))
 
 
+SEEDS = (11, 12, 13)
+
+
 def test_trial_points_lie_inside_the_box_and_differ(regression):
     problem = factorised.factorise(regression)
     points = trial_points(problem, np.zeros(problem.size), 700, trial_rng(3))
@@ -240,9 +243,6 @@ def test_trial_points_lie_inside_the_box_and_differ(regression):
     assert not np.isin(points, trial_points(problem, np.zeros(problem.size), 700, trial_rng(4))).all()
     from_outside = trial_points(problem, np.full(problem.size, 2 * BOX), 100, trial_rng(3))
     assert np.abs(from_outside).max() <= BOX
-
-
-SEEDS = (11, 12, 13)
 
 
 def hung(cell, seed, poses):

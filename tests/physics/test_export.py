@@ -36,10 +36,8 @@ def planted(arm, rng, *, ends=False):
     links = theta[: 6 * n + 6].reshape(-1, 6)
     links[inner] = rng.uniform(-1, 1, (n + 1, 6))[inner] * ([SHIFT] * 3 + [TURN] * 3)
     theta[6 * n + 6 :] = [rng.uniform(-1, 1) * (SLIDE if j.prismatic else TURN) for j in arm.joints]
-    errors, state = (
-        JointErrorTerms(orders=(1, 2), ratio=True),
-        nominal_state(vjm, read_body_masses(arm), np.full(n, 50.0)),
-    )
+    errors = JointErrorTerms(orders=(1, 2), ratio=True)
+    state = nominal_state(vjm, read_body_masses(arm), np.full(n, 50.0))
     gears = rng.uniform(-1e-4, 1e-4, (n, errors.n_coefficients))
     return replace(state, theta_0=theta, C_theta=arm.C_theta, error_terms=errors, error_coefficients=gears)
 

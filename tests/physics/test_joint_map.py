@@ -353,10 +353,8 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
     np.testing.assert_allclose(arm.to_chain_joints(arm.to_file_joints(q)), q, rtol=0, atol=ROUND_TRIP)
     point = np.tile(level.vjm.load_point, (len(q), 1))
     wrench = np.tile([0, 0, -9.81 * mass, 0, 0, 0], (len(q), 1))
-    true, before = (
-        solve_equilibrium(level.plant, q, wrench, point),
-        solve_equilibrium(level.plant, arm.to_chain_joints(way)),
-    )
+    true = solve_equilibrium(level.plant, q, wrench, point)
+    before = solve_equilibrium(level.plant, arm.to_chain_joints(way))
     off = (
         solve_equilibrium(level.plant, arm.to_chain_joints(way), wrench, point).tool_positions
         - before.tool_positions

@@ -45,10 +45,7 @@ from testbench.studies.campaign.trial import TrialCase, fitted
 from testbench.workflows.advice import advice
 from testbench.workflows.fits import MeasuredRuns, fit_models
 from testbench.workflows.models import (
-    DEFAULT,
     Model,
-    choose_model,
-    default_models,
     fit_model,
     named_models,
     recommend,
@@ -100,23 +97,6 @@ def test_an_estimator_of_ones_own_sees_kinematics_without_compliances_and_poses_
     moved = [data.deflection[data.pose_id == pose] for pose in np.unique(data.pose_id)]
     expected = [np.sqrt((d**2).sum() / d[..., 0].size) / (np.sqrt(2) * data.sigma) for d in moved]
     np.testing.assert_allclose(found.candidates[1].errors, expected, rtol=1e-3)
-
-
-@pytest.mark.study
-def test_the_default_gives_way_to_joints_alone_only_where_these_are_clearly_better(kr500, campaign):
-    data, cad = campaign.identification, cad_prior(kr500.arm)
-    name, estimate = choose_model(kr500, data, cad)
-    assert (name, estimate.compliance_regression.structure.n_parameters) == (DEFAULT, 153)
-
-
-@pytest.mark.study
-def test_the_default_is_recommended_and_errs_less_on_poses_held_out_than_least_squares(kr500, campaign):
-    data, cad = campaign.identification, cad_prior(kr500.arm)
-    models = default_models(kr500, cad)
-    found = recommend(kr500, models, data, reduce_runs(kr500, models, data))
-    by_name = {c.model_name: c.errors for c in found.candidates}
-    assert found.name == DEFAULT
-    assert by_name["MLS56"].mean() > by_name[DEFAULT].mean()
 
 
 def test_a_prior_is_in_the_scale_of_the_data_its_strength_given_learnt_or_fixed_beside_outliers(
@@ -242,11 +222,9 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
     The loss is Huber's of every reading's residual beside the prior's penalty; a rough prior, spoiled runs.
     """
     s, (data, _) = mgco68(kr500.arm), spoil(readings(kr500, 1), 0.05, 1e-3, np.random.default_rng(1))
-    units, own, regression = (
-        rough(kr500, s, 1),
-        weighted_readings(kr500.vjm, s, data),
-        reduce(kr500.vjm, s, data),
-    )
+    units = rough(kr500, s, 1)
+    own = weighted_readings(kr500.vjm, s, data)
+    regression = reduce(kr500.vjm, s, data)
     A, y, (B, c) = own.A @ units.L, own.y, prior_rows(units, STRENGTH)
     length, status = robust_residuals(kr500.vjm, own, regression, constraint, WeightedPrior(units, STRENGTH))
     assert status == "solved"

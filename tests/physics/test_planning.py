@@ -101,9 +101,8 @@ def plan(kr500, spec, poses):
 
 def promise_of(spec, q, load):
     """Errors to expect at the tasks after any poses were measured, such as those of a plan made by hand."""
-    problem = plans.build_design_problem(
-        spec.setup, plans.whitened_rows_by_load(spec, q, load), spec.prior_uncertainty
-    )
+    rows = plans.whitened_rows_by_load(spec, q, load)
+    problem = plans.build_design_problem(spec.setup, rows, spec.prior_uncertainty)
     return forecast(problem, plans.information(problem, np.arange(len(q))), plans.task_rows(spec))
 
 
@@ -117,10 +116,8 @@ def test_a_plan_names_the_laws_of_joints_that_its_readings_leave_open(kr500, spe
     def left(poses, loads, spec=whole):
         q, load = np.tile(poses, (loads, 1)), np.repeat(np.arange(loads), len(poses))
         read = partial(plans.whitened_rows_by_load, q=q, load_index=load)
-        found = open_laws(
-            SimpleNamespace(specification=spec, q=q, load_index=load, whitened_rows=read), prior
-        )
-        return {law.kind: law for law in found}
+        made = SimpleNamespace(specification=spec, q=q, load_index=load, whitened_rows=read)
+        return {law.kind: law for law in open_laws(made, prior)}
 
     one, two = (left(poses[:11], loads) for loads in (1, 2))
     assert {"stiffening", "backlash", "friction"} == set(one)
@@ -167,10 +164,8 @@ def test_plan_is_feasible_certified_and_better_than_chance(kr500, spec, plan, po
     assert ((plan.q >= lower) & (plan.q <= upper)).all()
     assert 0.7 < plan.efficiency <= 1
     np.testing.assert_array_equal(plan.candidates.q[plan.chosen_indices], plan.q)
-    chance = [
-        promise_of(spec, poses[k * 9 : k * 9 + 9], np.zeros(9, dtype=int)).overall_rms_error
-        for k in range(13)
-    ]
+    load, some = np.zeros(9, dtype=int), poses[: 13 * 9].reshape(13, 9, 6)
+    chance = [promise_of(spec, q, load).overall_rms_error for q in some]
     assert forecast_errors(plan, plans.task_rows(spec)).overall_rms_error < min(chance)
 
 
@@ -381,22 +376,16 @@ def test_rows_of_touches_and_distances_are_finite_differences_over_their_noise(k
     assert len({one.frame for own in union.readings_by_kind for one in own[:1]}) == 1  # a block
 
     def read(way):
-        frames = {
-            name: moved_frame(frame, way[unknowns.columns(f"frame {name}")])
-            for name, frame in union.state.frames.items()
-        }
-        mounts = {
-            name: moved_mount(mount, way[unknowns.columns(f"mount {name}")])
-            for name, mount in union.state.mounts.items()
-        }
-        theta_0 = union.state.theta_0.copy()
-        theta_0[unknowns.geometry_slice] += way[unknowns.columns("geometry")]
-        n = union.state.error_coefficients + way[unknowns.columns("errors")].reshape(
-            union.state.error_coefficients.shape
-        )
-        C = union.state.C_theta + unknowns.structure.C_theta_of(way[unknowns.columns("elastic")])
+        own, at = union.state, unknowns.columns
+        theta_0, n = own.theta_0.copy(), own.error_coefficients
+        theta_0[unknowns.geometry_slice] += way[at("geometry")]
         state = replace(
-            union.state, theta_0=theta_0, error_coefficients=n, C_theta=C, frames=frames, mounts=mounts
+            own,
+            theta_0=theta_0,
+            error_coefficients=n + way[at("errors")].reshape(n.shape),
+            C_theta=own.C_theta + unknowns.structure.C_theta_of(way[at("elastic")]),
+            frames={k: moved_frame(frame, way[at(f"frame {k}")]) for k, frame in own.frames.items()},
+            mounts={k: moved_mount(mount, way[at(f"mount {k}")]) for k, mount in own.mounts.items()},
         )
         parts = []
         for one in readers:
@@ -478,19 +467,14 @@ def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_dir
     """Of an arm of n hinges with m free targets 4 n + 3 m are found of 6 n + 3 m numbers (Everett 1987)."""
     stuck = places[:POSES].copy()
     stuck[:, 4] = 0.3
-    said = [
-        words
-        for words in undetermined_by(union, stuck)
-        if words.startswith("joint_4's offset cannot be separated from")
-    ]
-    assert len(said) == 1
-    assert "link_4's turn" in said[0]
-    assert said[0].endswith("turn joint_5 more")
+    hides = "joint_4's offset cannot be separated from"
+    [said] = [words for words in undetermined_by(union, stuck) if words.startswith(hides)]
+    assert "link_4's turn" in said
+    assert said.endswith("turn joint_5 more")
     problem = absolute.candidate_set(union, places, POSES).problem
     criterion = criterion_by_name("I", problem, absolute.position_rows(union, places[-20:]))
-    plan = exchange_poses(
-        problem, criterion, problem.rows, greedy_plan(problem, criterion, problem.rows, POSES)
-    )
+    greedy = greedy_plan(problem, criterion, problem.rows, POSES)
+    plan = exchange_poses(problem, criterion, problem.rows, greedy)
     assert not [words for words in undetermined_by(union, places[plan]) if "offset" in words]
     first, *_ = undetermined_by(union, places[:POSES])
     joints = ", ".join(f"joint_{k} (2)" for k in range(1, 7))
@@ -501,17 +485,13 @@ def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_dir
 def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_zero_does(union, places):
     """Information k of the sum of two unit normals: each keeps (1 + k) / (1 + 2 k) of its variance."""
     unknowns, k = union.unknowns, 50.0
-    one, other = (
-        next(i for i in quantities(unknowns) if i.name == name)
-        for name in ("joint_3's offset", "joint_6's compliance")
-    )
+    names = "joint_3's offset", "joint_6's compliance"
+    pair = [own for own in quantities(unknowns) if own.name in names]
     L = np.diag(np.sqrt(np.diag(union.L @ union.L.T)))
-    both = sum(i.jacobian[0] @ L / np.linalg.norm(i.jacobian @ union.L) for i in (one, other))
+    both = sum(own.jacobian[0] @ L / np.linalg.norm(own.jacobian @ union.L) for own in pair)
     found = undetermined_quantities(quantities(unknowns), L, k * np.outer(both, both), np.zeros((len(L), 0)))
-    assert [(i.name, i.confounded_with) for i in found if i.confounded_with] in (
-        [("joint_3's offset", ("joint_6's compliance",))],
-        [("joint_6's compliance", ("joint_3's offset",))],
-    )
+    [hidden] = [own for own in found if own.confounded_with]
+    assert {hidden.name, *hidden.confounded_with} == {*names}
     prior = np.diag(np.diag(union.L @ union.L.T))
     prior[unknowns.columns("errors")] = 0
     series = absolute.series_in_poses(union.pose_readings, places[:POSES])
@@ -604,17 +584,11 @@ def test_poses_and_gauges_chosen_together_are_the_best_of_all_places(kr500, spec
     ]
     assert found.criterion_value == pytest.approx(max(every), rel=1e-9)
     assert max(every) <= found.relaxed_design.bound * (1 + 1e-9)
-    alone = plan_with_gauges(
-        replace(given, q=given.q[[0, 0]], chosen_indices=given.chosen_indices[[0, 0]]),
-        gauges,
-        nowhere,
-        trial_rng(1),
-    )
+    twice = replace(given, q=given.q[[0, 0]], chosen_indices=given.chosen_indices[[0, 0]])
+    alone = plan_with_gauges(twice, gauges, nowhere, trial_rng(1))
     assert alone.criterion_value == pytest.approx(found.criterion_value)  # wherever the tracker would read
-    read = plans.row_products(found.whitened_rows(few), problem.lift)
-    np.testing.assert_allclose(
-        read, found.candidates.problem.rows[found.chosen_indices], rtol=1e-9, atol=1e-9 * abs(read).max()
-    )
+    read, chosen = plans.row_products(found.whitened_rows(few), problem.lift), found.chosen_indices
+    np.testing.assert_allclose(found.candidates.problem.rows[chosen], read, atol=1e-9 * abs(read).max())
 
 
 @pytest.mark.study
@@ -634,13 +608,13 @@ def test_rows_of_gauges_are_those_of_readings_along_lines(kr500, spec, poses):
     """What a plan counts with is what a fit makes of gauges there: the same information, by another way."""
     light = Load(np.array([0, 0, -1.0, 0, 0, 0]), kr500.vjm.load_point)
     q, own = poses[:3], replace(spec, loads=(light,), tasks=replace(spec.tasks, load=light))
-    rows = gauge_rows(
-        own, q, np.zeros(3, dtype=int), Gauges(3, 5e-6, 0.01), np.eye(mgco68(kr500.arm).n_parameters)
+    lift = np.eye(mgco68(kr500.arm).n_parameters)
+    rows = gauge_rows(own, q, np.zeros(3, dtype=int), Gauges(3, 5e-6, 0.01), lift)
+    loaded, fine = (
+        poses_with_weight(kr500, q, np.arange(3), 1 / GRAVITY),
+        Gauge(resolution=0.0, tilt_sigma=0.01),
     )
-    loaded = poses_with_weight(kr500, q, np.arange(3), 1 / GRAVITY)
-    gauges = [
-        Mounted(Gauge(resolution=0.0, tilt_sigma=0.01), f"P{k + 1}", np.eye(3)[(k + 1) % 3]) for k in range(3)
-    ]
+    gauges = [Mounted(fine, f"P{k + 1}", np.eye(3)[(k + 1) % 3]) for k in range(3)]
     data = read_instruments(kr500, "linear", loaded, gauges, trial_rng(1))
     A, _ = reduce(kr500.vjm, mgco68(kr500.arm), data).weighted_equations
     A = A @ own.setup.scaling.L

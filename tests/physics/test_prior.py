@@ -273,45 +273,34 @@ def shares(seen, h):
 def test_the_fit_is_the_expectation_and_its_deviations_those_of_bayes(kr500, campaign):
     regression, own = seen_by(kr500, campaign, all153(kr500.arm))
     weighted_prior = hierarchy.learn_prior(regression, own)
-    (A, y), D = rows_in_prior_units(regression, weighted_prior.scaling), weighted_prior.noise_factor**2
-    e, uncertainty = weighted_prior.scaling.expected_x, weighted_prior.uncertainty
+    scaling, uncertainty = weighted_prior.scaling, weighted_prior.uncertainty
+    (A, y), D = rows_in_prior_units(regression, scaling), weighted_prior.noise_factor**2
+    e = scaling.expected_x
     assert np.std(np.log(uncertainty.block_factors[:7])) > 0.01  # links of one arm are unlike
-    own = np.repeat(uncertainty.block_factors, [21] * 7 + [1] * 6)
-    P = (
-        D
-        * (
-            own
-            * np.where(
-                weighted_prior.scaling.is_link_coupling, uncertainty.link_coupling, uncertainty.relative
-            )
-        )
-        ** 2
-    )
+    factor = np.repeat(uncertainty.block_factors, [21] * 7 + [1] * 6)
+    size = np.where(scaling.is_link_coupling, uncertainty.link_coupling, uncertainty.relative)
+    P = D * (factor * size) ** 2
     S = D * np.eye(len(y)) + A * P @ A.T
-    expected = e + P * (A.T @ np.linalg.solve(S, y - A @ e))
+    gain = (P[:, None] * A.T) @ np.linalg.inv(S)
     estimate = solve(regression, "none", weighted_prior)
-    x = np.linalg.solve(weighted_prior.scaling.L, estimate.pi)
-    np.testing.assert_allclose(x, expected, rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
+    x = np.linalg.solve(scaling.L, estimate.pi)
+    np.testing.assert_allclose(x, e + gain @ (y - A @ e), rtol=0, atol=1e-6)  # rows of 1e3, entries of 1
     rows = np.linalg.qr(np.random.default_rng(0).standard_normal((153, 5)))[0].T
-    functionals = rows @ np.linalg.inv(weighted_prior.scaling.L)
-    covariance = np.diag(P) - (P[:, None] * A.T) @ np.linalg.solve(S, A * P)
-    variance = np.einsum("ki,ij,kj->k", rows, covariance, rows)
+    functionals = rows @ np.linalg.inv(scaling.L)
+    variance = np.einsum("ki,ij,kj->k", rows, np.diag(P) - gain @ (A * P), rows)
     # entries as large as the mean of their squares: what the readings leave of them
-    left = rows @ (np.eye(153) - (P[:, None] * A.T) @ np.linalg.solve(S, A))
+    left = rows @ (np.eye(153) - gain @ A)
     variance += left**2 @ (P * (weighted_prior.uncertainty_factors**2 - 1))
     variance += np.square(functionals @ weighted_prior.hyperparameter_effect.T).sum(axis=1)
-    np.testing.assert_allclose(
-        posterior_of_estimate(estimate).standard_deviations(functionals), np.sqrt(variance), rtol=1e-5
-    )
+    found = posterior_of_estimate(estimate).standard_deviations(functionals)
+    np.testing.assert_allclose(found, np.sqrt(variance), rtol=1e-5)
 
 
 def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(kr500, campaign):
     """Laplace's covariance times derivatives of the estimate, which is solved again at every difference."""
     regression, own = seen_by(kr500, campaign, mgco68(kr500.arm))
-    weighted_prior, seen = (
-        hierarchy.learn_prior(regression, own),
-        hierarchy.prior_evidence_model(regression, own),
-    )
+    weighted_prior = hierarchy.learn_prior(regression, own)
+    seen = hierarchy.prior_evidence_model(regression, own)
     h = maximise_evidence(seen.evidence, seen.hyperparameter_medians).h
 
     def estimate(h):
@@ -327,12 +316,8 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
     H = np.array([up - down for up, down in slopes])[:, :-1] / 2e-4
     assert np.linalg.eigvalsh(H)[0] > hierarchy.MAX_HYPERPARAMETER_DEVIATION**-2
     expected = J.T @ np.linalg.solve(H, J)
-    np.testing.assert_allclose(
-        weighted_prior.hyperparameter_effect.T @ weighted_prior.hyperparameter_effect,
-        expected,
-        rtol=0,
-        atol=1e-4 * expected.max(),
-    )
+    found = weighted_prior.hyperparameter_effect.T @ weighted_prior.hyperparameter_effect
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * expected.max())
 
 
 @pytest.mark.parametrize("factor", [0.1, 10.0])
@@ -388,22 +373,6 @@ def test_intervals_widen_by_what_a_linear_model_leaves_out(kr500, campaign):
     )
 
 
-def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
-    own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
-    seen = hierarchy.prior_evidence_model(reduce(kr500.vjm, own.structure, campaign.identification), own)
-    h, A = (
-        rng.normal(size=len(seen.hyperparameter_medians)),
-        rng.normal(size=(len(seen.hyperparameter_medians) - 1,) * 2),
-    )
-    C, K = A @ A.T, seen.n_scales
-    of = [(k, K + kind) for k, kind in enumerate(seen.scale_kinds)] + [
-        (K + 1, K)
-    ]  # last the joints over the links
-    for scale, (i, j) in zip(hierarchy._scales(seen, h, C), of, strict=True):
-        assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
-        assert scale.log_deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
-
-
 SCENARIO = Scenario(arm="kr500_l480", identification_poses=8, identification_runs=16, workspace_poses=60)
 
 
@@ -436,10 +405,8 @@ def test_the_weight_is_that_of_the_evidence_by_the_book(kr500, rigid):
     for name in ("right", "scaled", "uncoupled"):
         own = scale_by_prior(prior_of(kr500, name, 2), kr500.vjm, s)
         log_evidence, weighted_prior = hierarchy.joints_only_log_evidence(regression, own)
-        kappa, e = (
-            hierarchy.JOINTS_ONLY_FIT_DEVIATION / weighted_prior.uncertainty.relative,
-            weighted_prior.scaling.expected_x,
-        )
+        kappa = hierarchy.JOINTS_ONLY_FIT_DEVIATION / weighted_prior.uncertainty.relative
+        e = weighted_prior.scaling.expected_x
         A, y = rows_in_prior_units(regression, weighted_prior.scaling)
         S = kappa**2 * np.eye(len(y)) + hierarchy.JOINTS_ONLY_DEVIATION**2 * A @ A.T
         best = float(y @ np.linalg.solve(S, A @ e))
@@ -508,36 +475,28 @@ def test_the_share_of_a_prior_is_that_of_its_evidence_against_the_odds_beforehan
     """Two known estimates, one three times as probable as the other once the odds are counted."""
     r = reduce(kr500.vjm, joints_only(kr500.arm), campaign.identification)
     size = np.abs(joints_only(kr500.arm).parameters_of(kr500.arm.C_theta))
-    both = [make_estimate(r, factor * size, method="known", constraint="psd") for factor in (1.0, 2.0)]
-    both = [
-        replace(
-            one,
-            averaged_models=ModelAverage(
-                one, ((1.0, one),), joints_only_weight=weight, joint_laws_weight=laws
-            ),
-        )
-        for one, weight, laws in zip(both, (0.1, 0.5), (0.2, 0.7), strict=True)
-    ]
-    log_evidence = [
-        7.0,
-        7.0 + math.log(average.BEAM_LIKE_LINKS_PRIOR_ODDS) + (math.log(3) if likelier else -math.log(3)),
-    ]
-    given = dict(zip(("first", "second"), zip(both, log_evidence, strict=True), strict=True))
+    both = []
+    for factor, weight, laws in ((1.0, 0.1, 0.2), (2.0, 0.5, 0.7)):
+        one = make_estimate(r, factor * size, method="known", constraint="psd")
+        parts = ModelAverage(one, ((1.0, one),), joints_only_weight=weight, joint_laws_weight=laws)
+        both.append(replace(one, averaged_models=parts))
+    odds = math.log(average.BEAM_LIKE_LINKS_PRIOR_ODDS) + (math.log(3) if likelier else -math.log(3))
+    given = {"first": (both[0], 7.0), "second": (both[1], 7.0 + odds)}
     monkeypatch.setattr(
         average, "_average_joint_couplings", lambda _r, _constraint, prior, *, for_intervals: given[prior]
     )
     found = average_two_priors(r, "psd", "first", "second")
+    mixed = found.averaged_models
     share = np.array([0.25, 0.75] if likelier else [0.75, 0.25])
     np.testing.assert_allclose(found.pi, (share @ [1.0, 2.0]) * size, rtol=1e-12)
     # as widths count them, with even odds beforehand
     even = (share * [1, average.BEAM_LIKE_LINKS_PRIOR_ODDS]) ** average.INTERVAL_ODDS_EXPONENT
-    np.testing.assert_allclose(
-        [own for own, _ in found.averaged_models.interval_models], even / even.sum(), rtol=1e-12
-    )
-    assert [own for _, own in found.averaged_models.interval_models] == both
-    assert found.averaged_models.links_and_joints is both[likelier].averaged_models.links_and_joints
-    mixed = [found.averaged_models.joints_only_weight, found.averaged_models.joint_laws_weight]
-    np.testing.assert_allclose(mixed, share @ [[0.1, 0.2], [0.5, 0.7]], rtol=1e-12)
+    told, estimates = zip(*mixed.interval_models, strict=True)
+    np.testing.assert_allclose(told, even / even.sum(), rtol=1e-12)
+    assert list(estimates) == both
+    assert mixed.links_and_joints is both[likelier].averaged_models.links_and_joints
+    own = mixed.joints_only_weight, mixed.joint_laws_weight
+    np.testing.assert_allclose(own, share @ [[0.1, 0.2], [0.5, 0.7]], rtol=1e-12)
 
 
 @pytest.mark.parametrize("log_evidence", [(0.0, 2.0, 2.5), (3.0, 0.0, 5.5)], ids=["linear", "laws"])
@@ -569,20 +528,19 @@ def test_models_of_one_prior_weigh_by_their_evidence_times_the_odds_beforehand(
 
     monkeypatch.setattr(average, "joints_only_log_evidence", joints_only_log_evidence)
     found, together = average._average_joint_couplings(r, "psd", own, for_intervals=True)
+    mixed = found.averaged_models
     joints, links = average.JOINTS_ONLY_PRIOR_ODDS * math.exp(e_joints), math.exp(e_links)
     linear, laws = joints + links, math.exp(e_laws) / average.LINEAR_JOINTS_PRIOR_ODDS
     assert together == pytest.approx(math.log(linear + laws))
-    assert found.averaged_models.joints_only_weight == pytest.approx(joints / linear)
-    assert found.averaged_models.joint_laws_weight == pytest.approx(laws / (linear + laws))
+    assert mixed.joints_only_weight == pytest.approx(joints / linear)
+    assert mixed.joint_laws_weight == pytest.approx(laws / (linear + laws))
     even = (average.LINEAR_JOINTS_PRIOR_ODDS * laws / linear) ** average.INTERVAL_ODDS_EXPONENT
-    (probability, with_laws), *_ = found.averaged_models.interval_models
-    assert with_laws is found.averaged_models.with_joint_laws
+    (probability, with_laws), *_ = mixed.interval_models
+    assert with_laws is mixed.with_joint_laws
     assert probability == pytest.approx(even / (1 + even))
     straight = links / linear * 1.0 + joints / linear * 3.0 * (s.rows >= 42)
-    expected = found.averaged_models.joint_laws_weight * 2.0 + (
-        1 - found.averaged_models.joint_laws_weight
-    ) * np.where(s.rows < s.n_compliance_rows, straight, 0.0)
-    np.testing.assert_allclose(found.pi, expected, rtol=1e-12)
+    w, compliances = mixed.joint_laws_weight, s.rows < s.n_compliance_rows
+    np.testing.assert_allclose(found.pi, w * 2.0 + (1 - w) * np.where(compliances, straight, 0.0), rtol=1e-12)
 
 
 def test_poses_and_levels_of_load_are_dealt_out_in_turn(campaign):
@@ -661,44 +619,25 @@ def test_an_unknown_size_widens_what_the_prior_leaves_open(kr500, campaign, rng)
     """By the mean of its square over what the readings leave open: so large is an error of the prior."""
     own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
     r = reduce(kr500.vjm, own.structure, campaign.identification)
-    weighted_prior, seen = hierarchy.learn_prior(r, own), hierarchy.prior_evidence_model(r, own)
+    learnt, seen = hierarchy.learn_prior(r, own), hierarchy.prior_evidence_model(r, own)
     h = maximise_evidence(seen.evidence, seen.hyperparameter_medians).h
-    values, Q = np.linalg.eigh(
-        evidence_hessian(seen.evidence, evidence_posterior(seen.evidence, h))[0][:-1, :-1]
-    )
-    draws = (
-        Q / np.sqrt(np.maximum(values, hierarchy.MAX_HYPERPARAMETER_DEVIATION**-2))
-    ) @ rng.standard_normal((len(values), 20000))
+    bends, _ = evidence_hessian(seen.evidence, evidence_posterior(seen.evidence, h))
+    values, Q = np.linalg.eigh(bends[:-1, :-1])
+    deviations = 1 / np.sqrt(np.maximum(values, hierarchy.MAX_HYPERPARAMETER_DEVIATION**-2))
+    draws = (Q * deviations) @ rng.standard_normal((len(values), 20000))
     size = np.exp(seen.evidence.log_deviation_rows[:, :-1] @ draws)  # over that at the best h
     middle = np.quantile(size, 0.84, axis=1)  # one standard deviation above the median
-    np.testing.assert_allclose(weighted_prior.uncertainty_factors, np.exp(np.log(middle) ** 2), rtol=0.1)
-    found = solve(r, "none", weighted_prior)
-    B = (
-        weighted_prior.uncertainty_factors[:, None]
-        * prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0]
-    )
-    A, _ = rows_in_prior_units(r, weighted_prior.scaling)
-    M = np.linalg.inv(
-        A.T @ A + np.diag(prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0].diagonal() ** 2)
-    )
-    open_ = (
-        weighted_prior.noise_factor**2
-        * weighted_prior.scaling.L
-        @ M
-        @ B.T
-        @ B
-        @ M
-        @ weighted_prior.scaling.L.T
-    )
+    np.testing.assert_allclose(learnt.uncertainty_factors, np.exp(np.log(middle) ** 2), rtol=0.1)
+    found = solve(r, "none", learnt)
+    rows_of_prior, _ = prior_rows(learnt.scaling, learnt.uncertainty)
+    B = learnt.uncertainty_factors[:, None] * rows_of_prior
+    A, _ = rows_in_prior_units(r, learnt.scaling)
+    M = learnt.scaling.L @ np.linalg.inv(A.T @ A + np.diag(rows_of_prior.diagonal() ** 2))
+    open_ = learnt.noise_factor**2 * M @ B.T @ B @ M.T
     rows = rng.standard_normal((5, own.structure.n_parameters)) / np.sqrt(np.diag(open_))
-    expected = np.einsum(
-        "ki,ij,kj->k",
-        rows,
-        open_ + weighted_prior.hyperparameter_effect.T @ weighted_prior.hyperparameter_effect,
-        rows,
-    )
-    whole, prior = (own**2 for own in posterior_of_estimate(found)._deviations(rows))
-    np.testing.assert_allclose(prior, expected, rtol=1e-6)
+    covariance = open_ + learnt.hyperparameter_effect.T @ learnt.hyperparameter_effect
+    whole, prior = (one**2 for one in posterior_of_estimate(found)._deviations(rows))
+    np.testing.assert_allclose(prior, np.einsum("ki,ij,kj->k", rows, covariance, rows), rtol=1e-6)
     # what links do in a pose that nobody measured is no error of the prior
     W = rng.standard_normal((7, own.structure.n_parameters)) / np.linalg.norm(rows, axis=0)
     wider = posterior_of_estimate(replace(found, regression=replace(r, pose_variation=W)))._deviations(rows)
@@ -792,10 +731,8 @@ def test_poses_left_out_are_predicted_by_a_fit_to_all_others(alike):
     """As least squares on the rows of all others and of the prior predicts them, one fit a pose."""
     _, regression, fit = alike
     whole = fit if fit.averaged_models is None else fit.averaged_models.links_and_joints
-    weighted_prior, poses = (
-        whole.weighted_prior,
-        restrict_regression(regression, whole.structure).rows_by_pose,
-    )
+    weighted_prior = whole.weighted_prior
+    poses = restrict_regression(regression, whole.structure).rows_by_pose
     found = average._held_out_errors(poses, poses, weighted_prior)
     L, (B, c) = weighted_prior.scaling.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)
     for k, held in enumerate(poses):

@@ -203,11 +203,9 @@ def test_joints_and_poses_of_both_kinds_of_moves_are_read_back(name, arm, tmp_pa
         np.testing.assert_allclose(found.q[~posed], q[~posed], rtol=0, atol=ROUND_TRIP)
         np.testing.assert_allclose(found.position[posed], p[posed], rtol=0, atol=ROUND_TRIP)
         np.testing.assert_allclose(found.rotation[posed], R[posed], rtol=0, atol=ROUND_TRIP)
-        q, p, R = (
-            arm.clip_to_limits(q + moved),
-            p + moved,
-            Rotation.from_rotvec([0, moved, moved]).as_matrix() @ R,
-        )
+        q = arm.clip_to_limits(q + moved)
+        p = p + moved
+        R = Rotation.from_rotvec([0, moved, moved]).as_matrix() @ R
         [(_, content)] = changed_texts(found.content.text, changed_numbers(found.content, arm, q, p, R))
         file.write_bytes(content)
     assert np.abs(np.degrees(arm.to_file_joints(q)[0]) - re_read(file, name, arm)).max() < 1e-6
@@ -241,8 +239,7 @@ def test_a_program_is_read_move_by_move_and_its_text_stays_but_for_numbers(name,
     np.testing.assert_allclose(found.position[pose], AT, rtol=0, atol=1e-12)
     turned = Rotation.from_rotvec([0.1, 1.3, -0.2]).as_matrix() if name == "urscript" else TURNED
     np.testing.assert_allclose(found.rotation[pose], turned, rtol=0, atol=2e-4)  # four digits
-    changes = changed_numbers(found.content, ARM, found.q + 1e-3, found.position + 1e-3, found.rotation)
-    for source, content in changed_texts(found.content.text, changes):
+    for source, content in rewritten(found, found.q + 1e-3, found.position + 1e-3, found.rotation):
         before = source.path.read_bytes()
         number = rb"[-+]?\d+\.?\d*(E\d)?"
         assert content != before or source.path.suffix == ".src"
@@ -326,10 +323,8 @@ def test_what_is_no_plain_move_is_refused_with_its_line_and_its_name(name, state
     rows = files[first].split("\n")
     rows[lines[-1] - 1 : lines[-1] - 1] = statement.split("\n")
     path = written(tmp_path, {first: "\n".join(rows), **{own: files[own] for own in rest}})
-    line = lines[-1] + statement.count("\n")
-    with pytest.raises(
-        InputError, match=rf"cell\.\w+: line ({line}|{lines[-1]}|5|6): .*{REFUSED[name][statement]}"
-    ):
+    line, said = lines[-1] + statement.count("\n"), REFUSED[name][statement]
+    with pytest.raises(InputError, match=rf"cell\.\w+: line ({line}|{lines[-1]}|5|6): .*{said}"):
         read(path)
 
 
@@ -337,10 +332,7 @@ def test_pulses_need_those_per_degree_and_are_whole(tmp_path):
     path = written(tmp_path, PROGRAMS["inform"][0])
     found = read(path)
     np.testing.assert_allclose(np.degrees(found.q[1]), [10, -66.67, 79.17, 5, 30, -10], atol=0.01)
-    [(_, content)] = changed_texts(
-        found.content.text,
-        changed_numbers(found.content, ARM, found.q + 1e-3, found.position, found.rotation),
-    )
+    [(_, content)] = rewritten(found, found.q + 1e-3, found.position, found.rotation)
     assert re.search(rb"C00001=13731,", content.replace(b".00000000", b""))
     with pytest.raises(InputError, match=r"line 11: joints are pulses: expected pulses_per_deg of 6 motors"):
         read(path, controller=Controller())
@@ -356,9 +348,7 @@ def test_poses_count_in_the_base_and_of_the_tool_that_a_map_states(tmp_path):
     np.testing.assert_allclose(found.rotation[1], R, atol=1e-12)
     at = np.array([1.0, 0.2, 0.03]) + R_base @ plain.position[1] - R @ [0, 0, 0.15]
     np.testing.assert_allclose(found.position[1], at, atol=1e-12)
-    [_, (_, content)] = changed_texts(
-        found.content.text, changed_numbers(found.content, ARM, found.q, found.position, found.rotation)
-    )
+    [_, (_, content)] = rewritten(found, found.q, found.position, found.rotation)
     assert content == (tmp_path / "cell.dat").read_bytes()
     with pytest.raises(InputError, match=r"controller.base: expected 6 numbers as a pose in KUKA KRL, got 7"):
         read(path, controller=Controller(base=[0.0] * 7))
@@ -374,9 +364,20 @@ def test_a_point_of_two_moves_needs_one_correction(tmp_path):
         changed_numbers(found.content, ARM, q, found.position, found.rotation)
 
 
+def rewritten(found, q, p, R):
+    """Files of a program, each with its content when its points are moved there."""
+    return changed_texts(found.content.text, changed_numbers(found.content, ARM, q, p, R))
+
+
 @pytest.fixture(scope="module")
 def model(kr500):
     return unsure(kr500)
+
+
+def corrected(model, path, **asked):
+    """A program and its correction under 300 kg."""
+    program, _ = with_payload(model, read_program(path, model.arm), 300.0)
+    return program, correct_program(model, program, Aim(), **asked)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -388,19 +389,11 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
     posed = np.array([False, True, True])
     path = tmp_path / f"way{language.suffix}"
     write_moves(path, language, Motion(q, arm.joints, (), posed, posed, p, R))
-    program, _ = with_payload(model, read_program(path, arm), 300.0)
+    program, found = corrected(model, path)
     refuse_corrected(program)
-    found = correct_program(model, program, Aim())
-    (table := tmp_path / "way.csv").write_text(
-        "\n".join(
-            [
-                ",".join(j.display_column for j in arm.joints),
-                *(",".join(map(repr, row)) for row in np.degrees(q).tolist()),
-            ]
-        )
-    )
-    plain, _ = with_payload(model, read_program(table, arm), 300.0)
-    wanted = correct_program(model, plain, Aim()).found.q
+    rows = [[j.display_column for j in arm.joints], *(map(repr, row) for row in np.degrees(q).tolist())]
+    (table := tmp_path / "way.csv").write_text("\n".join(map(",".join, rows)))
+    wanted = corrected(model, table)[1].found.q
     assert np.abs(wanted - q).max() > 1e-4
     np.testing.assert_allclose(found.found.q, wanted, rtol=0, atol=1e-7)
     at, turned = tool_poses(model.vjm, wanted)
@@ -413,10 +406,8 @@ def test_a_corrected_program_puts_the_loaded_tool_where_the_program_means(name, 
             refuse_corrected(read_program(out, arm))
         assert re.match(known_languages()[form].begins, out.read_bytes().decode())
         by_pose = again.content.posed
-        assert (
-            by_pose.tolist()
-            == (posed if form == name or form in ("krl", "rapid") else ~posed & posed).tolist()
-        )
+        keeps_poses = form == name or form in ("krl", "rapid")
+        np.testing.assert_array_equal(by_pose, posed & keeps_poses)
         np.testing.assert_array_equal(again.content.linear, posed)
         np.testing.assert_allclose(again.q[~by_pose], wanted[~by_pose], rtol=0, atol=ROUND_TRIP)
         if by_pose.any():
@@ -454,8 +445,7 @@ def test_a_pose_whose_joint_passes_a_turn_is_named(model, tmp_path):
     p, R = tool_poses(model.vjm, q)
     path = tmp_path / "way.src"
     write_moves(path, known_languages()["krl"], Motion(q, ARM.joints, (), None, np.array([True, True]), p, R))
-    program, _ = with_payload(model, read_program(path, model.arm), 300.0)
-    found = correct_program(model, program, Aim(), start=q[0])
+    program, found = corrected(model, path, start=q[0])
     signs = [np.floor(own[:, 3] / (2 * np.pi)) for own in (found.found.programmed_q, found.found.q)]
     expected = [line for line, a, b in zip(program.line, *signs, strict=True) if a != b]
     [note] = turn_notes(found) or [""]
@@ -481,19 +471,16 @@ def test_flags_of_a_joint_move_choose_the_configuration_and_stay(name, q, model,
         flags = f"T {sum(2**k for k in range(6) if q[k] < 0)}"
         if name == "krl":
             path.write_text(re.sub(r"(C [-\d.]+)\}", rf"\1,S 2,{flags}}}", path.read_text()))
-        program, _ = with_payload(model, read_program(path, model.arm), 300.0)
-        found = correct_program(model, program, Aim())
+        _, found = corrected(model, path)
         np.testing.assert_allclose(found.found.programmed_q, joints[some], rtol=0, atol=1e-6)
         write_corrected(found, output_files(tmp_path / f"right{language.suffix}", name, path), name)
         pattern = r"S 2,T \d+" if name == "krl" else r"\],\[(?:-?\d,){3}-?\d\]"
-        assert re.findall(pattern, (tmp_path / f"right{language.suffix}").read_text()) == re.findall(
-            pattern, path.read_text()
-        )
+        right = tmp_path / f"right{language.suffix}"
+        assert re.findall(pattern, right.read_text()) == re.findall(pattern, path.read_text())
     if name == "krl":
         path.write_text(path.read_text().replace(flags, "T 1"))
-        with pytest.raises(
-            InputError, match=r"way\.src: line \d+: no joint angles of this pose have the stated T"
-        ):
+        none = r"way\.src: line \d+: no joint angles of this pose have the stated T"
+        with pytest.raises(InputError, match=none):
             correct_program(model, read_program(path, model.arm), Aim())
 
 
@@ -504,12 +491,10 @@ def test_a_configuration_that_is_not_read_has_to_stay_the_same_and_needs_a_start
     path = tmp_path / f"way{language.suffix}"
     write_moves(path, language, Motion(q, ARM.joints, (), None, posed, *tool_poses(model.vjm, q)))
     program, said = read_program(path, model.arm), language.flags.name
-    np.testing.assert_allclose(
-        correct_program(model, program, Aim(), start=q[0]).found.programmed_q, q, atol=1e-6
-    )
-    with pytest.raises(
-        InputError, match=rf"line \d+: the program begins with a pose: the .*{said} .*--start"
-    ):
+    found = correct_program(model, program, Aim(), start=q[0]).found
+    np.testing.assert_allclose(found.programmed_q, q, atol=1e-6)
+    begins = rf"line \d+: the program begins with a pose: the .*{said} .*--start"
+    with pytest.raises(InputError, match=begins):
         correct_program(model, program, Aim())
     text = path.read_text()
     if name == "fanuc":
@@ -533,8 +518,7 @@ def test_joints_beside_a_pose_choose_its_configuration(model, tmp_path):
 end
 """
     (path := tmp_path / "way.script").write_text(text)
-    program, _ = with_payload(model, read_program(path, model.arm), 300.0)
-    found = correct_program(model, program, Aim())
+    _, found = corrected(model, path)
     np.testing.assert_allclose(found.found.programmed_q, FLIPPED[[1, 1]], rtol=0, atol=1e-6)
     write_corrected(found, [tmp_path / "right.script"], "urscript")
     before, after = (own.read_text().splitlines() for own in (path, tmp_path / "right.script"))
@@ -579,9 +563,7 @@ def test_poses_count_in_the_base_whose_numbers_the_program_states(form, tmp_path
         np.testing.assert_allclose(own.rotation[posed], wanted.rotation[posed], rtol=0, atol=1e-6)
     assert any(note.startswith("The program's base") for note in found.content.notes)
     at, turned = (np.nan_to_num(own) for own in (found.position, found.rotation))
-    for source, content in changed_texts(
-        found.content.text, changed_numbers(found.content, ARM, found.q, at, turned)
-    ):
+    for source, content in rewritten(found, found.q, at, turned):
         before = source.path.read_bytes()
         assert content.count(b"1000,Y 200") == before.count(b"1000,Y 200")
         assert content.count(b"[900,200,0]") == before.count(b"[900,200,0]")
@@ -612,10 +594,8 @@ def test_external_axes_that_the_arm_does_not_have_stay_and_are_named(name, tmp_p
     [lost, *_] = conversion_notes(program, "csv")
     assert f"does not have the external axes {said.split()[0]}" in lost
     assert conversion_notes(program, name) == ()
-    q, p = np.nan_to_num(found.q) + 1e-3, np.nan_to_num(found.position) + 1e-3
-    [(_, content)] = changed_texts(
-        found.content.text, changed_numbers(found.content, ARM, q, p, np.nan_to_num(found.rotation))
-    )
+    q, p, R = (np.nan_to_num(own) for own in (found.q, found.position, found.rotation))
+    [(_, content)] = rewritten(found, q + 1e-3, p + 1e-3, R)
     for kept in (b"E1 2500.5", b"[-250,9E9", b"E1=  700.000 mm", b"J1= 5.000 deg"):
         assert content.count(kept) == path.read_bytes().count(kept)
 
@@ -629,10 +609,7 @@ def test_base_and_station_axes_of_inform_stay(tmp_path):
     np.testing.assert_array_equal(found.q, plain.q)
     assert any(note.startswith("External axes are unchanged: BC, EC") for note in found.content.notes)
     assert not any("are unchanged" in note for note in plain.content.notes)
-    [(_, content)] = changed_texts(
-        found.content.text,
-        changed_numbers(found.content, ARM, found.q + 1e-3, found.position, found.rotation),
-    )
+    [(_, content)] = rewritten(found, found.q + 1e-3, found.position, found.rotation)
     assert b"BC00000=5000\nEC00001=1,2\n" in content
     assert b"MOVJ C00000 BC00000 VJ=10.00" in content
 

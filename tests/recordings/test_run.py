@@ -392,6 +392,9 @@ def test_tables_of_a_recording_say_first_what_the_names_of_models_mean(seen, tmp
     assert names == ["mine.py:best", "GCO of beam links"]
 
 
+BEFORE, AFTER = np.array([4.0, 3, 2, np.nan]), np.array([1.0, 1, 1, 1])
+
+
 def test_lines_end_where_their_axes_end_and_names_of_two_lines_are_whole(seen, tmp_path):
     figure = Figure()
     axes = figure.subplots()
@@ -408,9 +411,6 @@ def test_lines_end_where_their_axes_end_and_names_of_two_lines_are_whole(seen, t
     assert lines == ["GCO of all links and", "joints with prior 1.00", "Joints 2.00"]
     [key] = columns(chunks, "/figures/chart_0/key_0")["Points2D:positions"]
     assert key[0][0] > wide  # beside the axes
-
-
-BEFORE, AFTER = np.array([4.0, 3, 2, np.nan]), np.array([1.0, 1, 1, 1])
 
 
 def test_a_path_has_its_order_its_colours_on_one_scale_and_its_insets_in_the_first_tab(seen, tmp_path):
@@ -620,7 +620,7 @@ def test_names_beside_an_axis_stand_apart_however_many_they_are(seen, tmp_path):
     axes.plot(np.arange(17.0), np.arange(17), "o")
     axes.set_yticks(range(17), [f"model {k}" for k in range(17)])
     axes.set(xlabel="error [mm]", ylabel="true arm", ylim=(16.5, -0.5))
-    chunks = sound(written(tmp_path / "a.rrd", seen, chart=figure), "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, seen, chart=figure)
     at = np.array(columns(chunks, "/figures/chart_0/y_numbers")["Points2D:positions"][0])
     dots = np.array(columns(chunks, "/figures/chart_0/dots")["Points2D:positions"][0])
     assert np.diff(at[:, 1]) == pytest.approx(np.diff(dots[:, 1]))
@@ -650,7 +650,7 @@ def test_layers_that_look_alike_share_their_colour_in_words(seen, tmp_path):
     tube = replace(first.layers[2], kind="tubes", labels=(), values=np.ones(first.layers[2].at.shape[1]))
     layers = [replace(tube, name="before"), first.layers[0], replace(tube, name="after")]
     page = replace(seen, scene=replace(seen.scene, groups=[replace(first, layers=layers)]), map=None)
-    chunks = sound(written(tmp_path / "a.rrd", page), "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, page)
     assert "Tubes: before, after; rust dots: target as read." in document(chunks, "/here/runs")
 
 
@@ -661,7 +661,7 @@ def test_panes_with_the_same_key_have_it_once_and_axes_of_one_width(tmp_path, se
         axes.plot([0.0, 1.0], [0.0, 1.0], color="#C88304", label=label)
         axes.set_yticks([0, 1], ["soft arm", "stiff arm"])
         axes.set(xlabel="error [mm]", xlim=(0, 1), ylim=(0, 1))
-    chunks = sound(written(tmp_path / "a.rrd", PageContent(), Chart=figure), "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, PageContent(), Chart=figure)
     keys = [columns(chunks, f"/figures/chart_{k}/key_0").get("Points2D:labels") for k in (0, 1)]
     assert keys == [[["grows"]], [[second]] if written_again else None]
     corners = [columns(chunks, f"/figures/chart_{k}/axes")["LineStrips2D:strips"][0] for k in (0, 1)]
@@ -673,7 +673,7 @@ def test_places_of_a_map_have_words_without_the_colours_of_what_is_not_drawn_the
     dots = replace(first.layers[0], at=seen.map.at[:, None], labels=())
     groups = [first, replace(places, layers=[dots])]
     own = replace(seen, scene=replace(seen.scene, groups=groups))
-    chunks = sound(written(tmp_path / "a.rrd", own), "It is 3.000 mm off.")
+    chunks = looked_at(tmp_path, own)
     with_colours, alone = (
         columns(chunks, f"/{name}/places")["TextDocument:text"] for name in ("here", "place")
     )

@@ -108,11 +108,9 @@ def six_dof(count=20, changes=lambda name, seed: {}):
     """The 6R arm; every error is 0.9 to 1.1 times what is asked for, the same factor for all of a seed."""
 
     def fit(name, truth, seed, mm, **own):
-        rng, constraint, mm = (
-            np.random.default_rng([seed, len(name)]),
-            MODELS[name][0],
-            mm * (0.89 + 0.01 * seed),
-        )
+        rng = np.random.default_rng([seed, len(name)])
+        constraint = MODELS[name][0]
+        mm = mm * (0.89 + 0.01 * seed)
         found = {"conservative": constraint != "none", "parameters": 56, "rank": 32, "f_m": 2.0, "m": 0}
         found |= {"constraint": constraint, "truth": truth, "status": "solved"}
         found |= {
