@@ -143,16 +143,6 @@ for chunk in on_cores(trial_work.blocked_stops, [[1], [2]], workers=2):
     assert fresh.stdout.splitlines() == 2 * ["SIGHUP SIGINT SIGTERM"]
 
 
-def test_bad_input_is_one_line_and_touches_nothing(tmp_path):
-    out = tmp_path / "out"
-    study(out, ONE, trials=4)
-    before = {p.name: p.read_bytes() for p in out.iterdir()}
-    is_refused(run(out, "--resume", "--name", "other"), "scenario: 'toy' in the stored trials")
-    assert {p.name: p.read_bytes() for p in out.iterdir()} == before
-    (out / "trials.parquet").write_bytes(before["trials.parquet"][:-1])
-    is_refused(run(out, "--resume"), "trials.parquet: expected trials in Parquet")
-
-
 # loky's thread may still ask for work that was cancelled when a trial failed: its own race, and harmless.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 @pytest.mark.parametrize("backend", [ONE, TWO])

@@ -166,22 +166,6 @@ def test_a_line_for_numbered_joints_is_offered(tmp_path, name, line):
         read(tmp_path, name, lines_of(name), text)
 
 
-@pytest.mark.parametrize(
-    ("divided", "decimal"), [(",", "."), ("'", "."), (" ", "."), (".", ","), ("\u202f", ",")]
-)
-def test_thousands_may_be_divided_where_a_decimal_mark_follows(tmp_path, divided, decimal):
-    lines = [line.replace(",", ".") for line in lines_of("merged")]
-    for k, line in enumerate(lines[1:], start=1):
-        cells = line.split(";")
-        lines[k] = ";".join([*cells[:-6], *(f"{float(cell):,.4f}" for cell in cells[-6:])])
-    text = "\n".join(lines).translate(str.maketrans({",": divided, ".": decimal}))
-    assert re.search(rf";-1{divided}[0-9]{{3}}[{decimal}]", text)
-    check_alike(read(tmp_path, "merged", text.splitlines()).data)
-    alone = re.sub(rf"(;-1{divided}[0-9]{{3}})[{decimal}][0-9]+", r"\1", text)
-    with pytest.raises(InputError, match=r"column .* \(mm\): expected a finite number, got .-1"):
-        read(tmp_path, "merged", alone.splitlines())
-
-
 def test_a_map_may_name_some_columns_and_leave_the_others_to_our_names(tmp_path):
     """Parts of our names stand in any order; of two that say the same the map's is read."""
     content = (
