@@ -212,24 +212,6 @@ def structure(cell: Cell, name: str) -> Structure:
     return model.structure
 
 
-SAME = (
-    *("poses", "orders", "seed", "sigma_um", "sling_m", "geometry_mm", "gear_urad", "uncertainty_percent"),
-    *("gauges", "gauge_um", "tilt_deg"),
-)
-FLAGS = {
-    **{name: f"--{name.replace('_', '-')}" for name in (*SAME, "acceptance_deg")},
-    "candidates_wanted": "--candidates",
-    "floor_z_m": "--floor-z [m]",
-    "box_m": "--box [m]",
-    "loads_kg": "--load [kg]",
-    "pulls_n": "--pull",
-    "pulls_n, its size": "--pull [N], its size",
-    "instruments": "--instrument",
-    "loads_kg and pulls_n, times candidates_wanted": "--load and --pull, times --candidates",
-}
-"""The flag of every field of `PlanSettings`, as errors name it."""
-
-
 @dataclass(frozen=True)
 class PlanOptions:
     """Hold the flags of `testbench plan`, in the units of the command line."""
@@ -296,6 +278,24 @@ class AbsolutePlanOptions:
     orders: Annotated[int, typer.Option(metavar="N", help="Highest order of periodic errors.")] = 3
 
 
+SAME = {field.name for field in fields(PlanSettings)} & {
+    field.name for options in (PlanOptions, AbsolutePlanOptions) for field in fields(options)
+}
+"""Settings that are named as their flags."""
+FLAGS = {
+    **{name: f"--{name.replace('_', '-')}" for name in SAME},
+    "candidates_wanted": "--candidates",
+    "floor_z_m": "--floor-z [m]",
+    "box_m": "--box [m]",
+    "loads_kg": "--load [kg]",
+    "pulls_n": "--pull",
+    "pulls_n, its size": "--pull [N], its size",
+    "instruments": "--instrument",
+    "loads_kg and pulls_n, times candidates_wanted": "--load and --pull, times --candidates",
+}
+"""The flag of every field of `PlanSettings`, as errors name it."""
+
+
 def known_before(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) -> Calibrated | None:
     """Calibrate the arm by the readings of `--given`; None without any.
 
@@ -344,8 +344,7 @@ def settings_of(cell: Cell, options: PlanOptions, flags: AbsolutePlanOptions) ->
         )
     percent = 30.0 if options.uncertainty_percent is None else options.uncertainty_percent
     with in_flags(FLAGS):
-        names = {field.name for field in fields(PlanSettings)}
-        flagged = {name: value for name, value in (vars(options) | vars(flags)).items() if name in names}
+        flagged = {name: value for name, value in (vars(options) | vars(flags)).items() if name in SAME}
         derived = chosen | {"given": tuple(path.name for path in flags.given or ())}
         derived |= {"model": model, "uncertainty_percent": None if options.no_prior else percent}
         settings = PlanSettings(
