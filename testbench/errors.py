@@ -207,7 +207,10 @@ def read_bytes(path: Path, max_bytes: int) -> bytes:
         InputError: When it is missing, no plain file, or too large.
     """
     with open_file(path, max_bytes) as file:
-        return file.read(max_bytes)
+        content = file.read(max_bytes + 1)
+    if len(content) > max_bytes:  # as files of the kernel have, which say that they are empty
+        raise InputError(path, "", f"expected at most {max_bytes} bytes")
+    return content
 
 
 def read_text(path: Path, max_bytes: int) -> str:

@@ -21,7 +21,6 @@ from testbench.data.dataset import Dataset, concatenate_rows, line_precision, se
 from testbench.display import Displayed
 from testbench.errors import Array, BenchError, Ids, PoseError, check_type
 from testbench.model.vjm import WorkArea, marker_positions, tool_points, tool_poses
-from testbench.plant.equilibrium import solve_linear_equilibrium
 from testbench.plant.tracker import (
     DistanceMeter,
     Gauge,
@@ -473,12 +472,8 @@ def _check_runs(cell: Cell, scenario: FullPose, rng: np.random.Generator) -> tup
     for k in range(1, MAX_BATCHES + 1):
         q = cell.arm.draw_poses(rng, POSES_PER_BATCH)
         wrench = random_wrenches(POSES_PER_BATCH, scenario.force, scenario.moment, rng)
-        zero = np.zeros((POSES_PER_BATCH, 3))
-        moved = [
-            solve_linear_equilibrium(cell.plant, q, load, zero).tool_positions
-            for load in (0 * wrench, wrench)
-        ]
-        size = np.linalg.norm(moved[1] - moved[0], axis=1)
+        rest, loaded = settle_both(cell.plant, "linear", q, wrench, np.zeros((POSES_PER_BATCH, 3)))
+        size = np.linalg.norm(loaded.tool_positions - rest.tool_positions, axis=1)
         inside = (size >= scenario.least) & (size <= scenario.most)
         kept_q, kept_wrench = np.vstack([kept_q, q[inside]]), np.vstack([kept_wrench, wrench[inside]])
         if len(kept_q) >= scenario.check_runs:
