@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from read_reports import read_report
+from scipy.stats import binomtest
 
 from testbench.errors import InputError
-from testbench.report.badge import share
 from testbench.report.markdown import grid, lines
 from testbench.report.report import LISTS, PARTS, Report
 from testbench.studies import find_study
@@ -135,7 +135,8 @@ def expected() -> str:
     rows.append([f"corrected program ({before} before)", *others, "", least])
     alone = "Joints-only"
     heads = ["", "default", "default without cone", alone, "LS of links, prior", "LS of links"]
-    won = float(models[DEFAULT_WITHOUT_CONE]["conservative"].rstrip(" %")) / 100
+    won = int(models[DEFAULT_WITHOUT_CONE]["conservative"].rstrip(" %"))
+    ends = binomtest(won, 100).proportion_ci(method="wilson")
     names = ("Joints", DEFAULT_WITHOUT_CONE, DEFAULT, "MGCO56", "MGCO56 (paper)", "Ridge", "MLS56")
     joints, same, cone, gco, papers, ridge, least = (
         models[name]["RMS workspace, true, mm"] for name in names
@@ -143,7 +144,8 @@ def expected() -> str:
     said = (
         "**The prior and the link compliances bring the gain; the cone keeps the model conservative.** On "
         "undisturbed arms, with the same prior and unknowns, the median error of LS is "
-        f"{same} mm, that of GCO {cone} mm. GCO is conservative on all arms, LS on {share(won, '100')}. "
+        f"{same} mm, that of GCO {cone} mm. GCO is conservative on all arms, LS on "
+        f"{won} % ({100 * ends.low:.0f} to {100 * ends.high:.0f} %). "
         f"Without a prior the median errors are: GCO of beams with a learnt trace weight {gco} mm, {alone} "
         f"{joints} mm, GCO of beams as in the paper {papers} mm, ridge regression {ridge} mm, LS {least} mm. "
         "The last row is the error that remains after a program of drilling and milling (1000 to 3000 N) was "

@@ -12,9 +12,9 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import binomtest
 from threadpoolctl import threadpool_limits
 
-from testbench.report.badge import wilson
 from testbench.report.markdown import lines
 from testbench.runs.rows import trial_rng
 from testbench.workflows.cell import build_cell
@@ -61,7 +61,7 @@ def right(case, doubt):
 def rate(held):
     """Per cent in which something holds, with 95 % interval (Wilson's score)."""
     share = float(np.mean(held))
-    low, high = wilson(share, len(held))
+    low, high = binomtest(sum(held), len(held)).proportion_ci(method="wilson")
     return f"{100 * share:.1f} ({100 * low:.1f} to {100 * high:.1f})"
 
 

@@ -14,7 +14,7 @@ from testbench.errors import Ids
 from testbench.runs.rows import Row as Row
 from testbench.runs.rows import finite as finite
 from testbench.runs.rows import nested
-from testbench.runs.spread import Spread, spread, twins_once
+from testbench.runs.spread import Spread, spread
 
 Cells = npt.NDArray[Any]
 MODEL, TRIAL = "name", "seed"
@@ -133,8 +133,8 @@ def number(cells: Cells, trials: Cells | None = None) -> Any:
     """Merge the values of all trials, or of all cases, of which several share one of these trials.
 
     What is the same in all stays. Numbers become their median with 5th and 95th percentile, truth values
-    the share that holds, lists of numbers lists of such; sentences stand each once, words one after another.
-    None where one is missing.
+    the share that holds, lists of numbers lists of such; of sentences those that all have stay, words stand
+    one after another. None where one is missing.
 
     Args:
         cells: The values.
@@ -154,7 +154,7 @@ def number(cells: Cells, trials: Cells | None = None) -> Any:
     if not lists:
         return " | ".join(sorted({str(value) for value in values}))
     if all(isinstance(word, str) for own in lists for word in own):
-        return list(twins_once(lists))
+        return [word for word in lists[0] if all(word in own for own in lists)]
     return [number(np.array(own, dtype=float)) for own in zip(*lists, strict=True)]
 
 

@@ -1,7 +1,6 @@
-"""Numbers of many trials as medians with their spread, and sentences of many as one."""
+"""Numbers of many trials as medians with their spread."""
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -18,10 +17,6 @@ DRAWS = 2000  #: Of a bootstrap.
 TAIL = 0.025  #: Share of an interval's chances on each side.
 SAME_ERROR = 1e-6  #: Share of an error within which two models are the same.
 MIN_PERCENTILE_TRIALS = 20  #: Trials from which on percentiles mean something; of fewer the range is told.
-NUMBER = re.compile(
-    r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?(?!\w)(?: to (-?\d+(?:\.\d+)?(?:e[-+]\d+)?)(?!\w))?"
-)
-"""A number in a sentence, or a range of numbers."""
 
 
 @dataclass(frozen=True)
@@ -258,28 +253,3 @@ def spans(values: Iterable[object]) -> str:
 def span(trials: int) -> str:
     """Say what the ends of a spread over so many trials are."""
     return "5 % to 95 %" if trials >= MIN_PERCENTILE_TRIALS else "range"
-
-
-def twins_once(texts: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """List sentences of several trials once; those that differ in numbers alone with their ranges."""
-    kinds: dict[str, list[tuple[str, int]]] = {}
-    for trial, sentences in enumerate(texts):
-        for text in sentences:
-            kinds.setdefault(NUMBER.sub("#", text), []).append((text, trial))
-    found = []
-    for twins in kinds.values():
-        own, trials = dict.fromkeys(text for text, _ in twins), {trial for _, trial in twins}
-        places = iter(zip(*map(NUMBER.finditer, own), strict=True))
-        text = NUMBER.sub(lambda _: _range(next(places)), twins[0][0])  # noqa: B023 - used at once
-        told = len(own) > 1 and len(texts) > 1
-        found.append(f"{text} ({len(trials)} of {len(texts)} trials)" if told else text)
-    return tuple(found)
-
-
-def _range(numbers: Sequence[re.Match[str]]) -> str:
-    """The least to the largest of several numbers, as they are written."""
-    if len(numbers) == 1:
-        return numbers[0][0]
-    written = [end for m in numbers for end in (m[0].partition(" to ")[0], m[1] or m[0])]
-    low, high = min(written, key=float), max(written, key=float)
-    return low if float(low) == float(high) else f"{low} to {high}"

@@ -30,7 +30,6 @@ from testbench.runs.spread import (
     median_interval,
     spans,
     spread,
-    twins_once,
     wins,
 )
 
@@ -181,16 +180,6 @@ def test_a_spread_is_numpys_percentiles_to_the_bit(rng):
         own = spread(values)
         wanted = np.percentile(np.asarray(values, dtype=float), [50, 5, 95])
         np.testing.assert_array_equal([own.median, own.p05, own.p95], wanted)
-
-
-def test_sentences_that_differ_in_numbers_alone_are_told_once_with_their_ranges_and_count():
-    """302 bullets of one report differed in a number; names of models are no numbers."""
-    off = [(f"MGCO56: F_M is {f_m} where noise alone leaves 1.7",) for f_m in (3.54, 10.2, 6)]
-    assert twins_once((*off, ("MGCO68: F_M is 3",), ("weigh it",))) == (
-        "MGCO56: F_M is 3.54 to 10.2 where noise alone leaves 1.7 (3 of 5 trials)",
-        "MGCO68: F_M is 3",
-        "weigh it",
-    )
 
 
 def test_of_few_trials_the_ends_are_the_range_and_of_twenty_percentiles():

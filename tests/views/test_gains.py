@@ -2,7 +2,6 @@
 
 import pytest
 
-from testbench.report.badge import share, wilson
 from testbench.report.markdown import place
 from testbench.report.schema import plain, show, written_out
 from testbench.runs.spread import Spread
@@ -36,15 +35,3 @@ def test_numbers_in_sentences_of_others_are_written_out_but_not_in_commands():
     said = "they lie 1.23e+03 mm off, weight 1e-08. `--tol 1e-06`, run 2e-3b, 1.5e-05 m."
     out = "they lie 1230 mm off, weight 1 x 10^-8. `--tol 1e-06`, run 2e-3b, 1.5 x 10^-5 m."
     assert written_out(said) == out
-
-
-def test_a_share_has_the_interval_of_its_score_test():
-    """At the ends (p - s)^2 = z^2 s (1 - s) / n: what lies outside does not go with the trials."""
-    for won, n in ((0, 20), (79, 100), (612, 612)):
-        p = won / n
-        ends = wilson(p, n)
-        for s in ends:
-            assert (p - s) ** 2 == pytest.approx(1.959964**2 * s * (1 - s) / n, abs=1e-12)
-        assert 0 <= ends[0] <= p <= ends[1] <= 1
-    assert share(0.79, "100") == "79 % (70 to 86 %)"
-    assert share(1 / 612, "612") == "0.2 % (0.0 to 0.9 %)"

@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
@@ -257,9 +257,7 @@ def _all_marks(axes: Axes, inside: Size) -> Iterator[Mark]:
         if line.get_marker() not in NOTHING and len(points):
             yield "dots", colour, DOT * line.get_markersize(), points
     for own in axes.collections:
-        if isinstance(own, PathCollection):
-            yield from _scattered(axes, inside, own)
-        elif isinstance(own, PolyCollection | LineCollection):
+        if isinstance(own, PolyCollection | LineCollection):
             yield from _outlined(axes, inside, own)
     for patch in axes.patches:
         if isinstance(patch, Rectangle) and (patch.get_alpha() or 1.0) > FAINT:
@@ -272,14 +270,6 @@ def _all_marks(axes: Axes, inside: Size) -> Iterator[Mark]:
                 float(half.min()),
                 np.array([centre - way, centre + way]),
             )
-
-
-def _scattered(axes: Axes, inside: Size, own: PathCollection) -> Iterator[Mark]:
-    """Dots of one size or several, in one colour or several."""
-    at = _placed(axes, inside, own.get_offset_transform(), np.asarray(own.get_offsets()))
-    colours, sizes = np.asarray(own.get_facecolor()), np.sqrt(own.get_sizes())
-    for k, point in enumerate(at):
-        yield "dots", tuple(colours[k % len(colours)][:3]), DOT * sizes[k % len(sizes)], point[None]
 
 
 def _outlined(axes: Axes, inside: Size, own: PolyCollection | LineCollection) -> Iterator[Mark]:
