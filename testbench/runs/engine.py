@@ -127,8 +127,6 @@ def run_study(
     Raises:
         BenchError: When a trial cannot be done, the store cannot be written, or workers die again and again.
     """
-    if size < 1:
-        raise BenchError(f"size: expected chunks of at least 1 seed, got {size}")
     done = store.count
     lost = 0
     every = len(store.experiment.seeds)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 SEED = "seed"
-MAX_INTEGER = 2**63  #: Integers lie below it: Parquet's have 64 bits.
 
 
 def trial_rng(seed: int, trial: int = 0) -> np.random.Generator:

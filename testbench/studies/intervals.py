@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError, check_array
+from testbench.errors import Array, BenchError
 from testbench.identify import cone
 from testbench.identify.cone import nearest_psd
 from testbench.identify.conic import (
@@ -31,7 +31,7 @@ from testbench.identify.conic import (
 from testbench.identify.estimate import Estimate, make_estimate, sensitivity_units
 from testbench.identify.interior import BlockProgram, solve_program
 from testbench.identify.method import least_squares
-from testbench.identify.posterior import Intervals, check_confidence, posterior_of_estimate
+from testbench.identify.posterior import Intervals, posterior_of_estimate
 from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
@@ -272,22 +272,19 @@ def bootstrap(
         The intervals.
 
     Raises:
-        BenchError: When the confidence is outside (0, 1), there are too few draws for it, or a functional has
-            another length.
+        BenchError: When there are too few draws for the confidence.
     """
-    check_confidence(confidence)
-    a = check_array(functionals, (None, estimate.structure.n_parameters), "functionals [m per unit of pi]")
     tail = (1 - confidence) / 2
     k = int((draws + 1) * tail * (1 + 1e-12))
     if k < 1:
         least = math.ceil(1 / tail - 1e-9) - 1
         raise BenchError(f"draws: expected at least {least} for {100 * confidence:g} %, got {draws}")
-    centre, linear = a @ estimate.pi, posterior_of_estimate(estimate)
+    centre, linear = functionals @ estimate.pi, posterior_of_estimate(estimate)
     again = resampler(estimate.regression)
     refits = _refits([again(estimate.pi, rng) for _ in range(draws)], estimate)
-    errors = refits @ a.T - centre
+    errors = refits @ functionals.T - centre
     errors.sort(axis=0)
-    unseen = np.where(np.isinf(linear.standard_deviations(a)), np.inf, 0.0)
+    unseen = np.where(np.isinf(linear.standard_deviations(functionals)), np.inf, 0.0)
     lower, upper = centre - errors[-k] - unseen, centre - errors[k - 1] + unseen
     return Intervals(centre, lower, upper, confidence, linear.on_cone_boundary)
 

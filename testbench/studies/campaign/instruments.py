@@ -17,10 +17,9 @@ from testbench.plant.tracker import BALLBAR, DRAW_WIRE, Gauge, IsotropicTracker
 from testbench.plant.true_arms import FAMILY_NAME, true_arm_of_seed
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
-from testbench.report.schema import columns
 from testbench.report.table import Trials
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaign.report import ERROR, Preset, TrialTable
+from testbench.studies.campaign.report import Preset, TrialTable, by_levels
 from testbench.studies.campaign.trial import CampaignFitRow, Cover, TrialCase, cover, fitted, score_cases
 from testbench.studies.study import TrueArmFlag
 from testbench.workflows.campaign import (
@@ -210,12 +209,9 @@ def _by_instrument(trials: Trials) -> Trials:
 
 def _figures(found: Report) -> Mapping[str, Figure]:
     """Draw the error from every instrument, one pane per number of poses."""
-    table, (error,) = found.tables["poses"], columns(ERROR)
-    name, *drawn = table.columns
-    shown = (name, *(replace(error, key=column.key, form=".0f") for column in drawn))
-    panes = {column.key: column.heading for column in drawn}
+    table, panes = by_levels(found.tables["poses"])
     reading = "Numbers: medians. Dotted: the tracker."
-    return {"instruments.png": forest(replace(table, columns=shown), panes, found.question, reading, TRACKER)}
+    return {"instruments.png": forest(table, panes, found.question, reading, TRACKER)}
 
 
 PRESET = Preset(

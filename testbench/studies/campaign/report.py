@@ -286,6 +286,13 @@ def lines(found: Report, name: str, axes: str, drawn: Callable[[Row], bool] = la
     return Table((*shown, *value), [row for row in Row(found.numbers).cells[name] if drawn(row)])
 
 
+def by_levels(table: Table) -> tuple[Table, dict[str, str]]:
+    """Prepare a table of errors by the levels of a factor for a forest: a pane a level, and their titles."""
+    name, *levels = table.columns
+    errors = (replace(KNOWN[ERROR], key=column.key, form=".0f") for column in levels)
+    return replace(table, columns=(name, *errors)), {column.key: column.heading for column in levels}
+
+
 WHO = {"ours": "its", "theirs": "the other's"}
 
 

@@ -27,10 +27,10 @@ from testbench.plant.true_arms import FAMILY_TRUE_ARMS
 from testbench.report.colours import CHOICE
 from testbench.report.figure import Figure, forest
 from testbench.report.report import Report
-from testbench.report.schema import KNOWN, TRUE_ARM_LABELS, columns
+from testbench.report.schema import KNOWN, TRUE_ARM_LABELS
 from testbench.report.table import SHARED, TRIAL, Cells, Row, Trials, matched, number
 from testbench.runs.rows import trial_rng
-from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case
+from testbench.studies.campaign.report import ERROR, Preset, TrialTable, Where, by_case, by_levels
 from testbench.studies.campaign.trial import (
     CampaignFitRow,
     Cover,
@@ -342,14 +342,9 @@ def _cells(_: FamilySettings, trials: Trials) -> Mapping[str, Where]:
 
 def _figures(found: Report) -> Mapping[str, Figure]:
     """Draw the error of every method over the family, a pane a number of poses."""
-    table = found.tables["short"]
-    name, *drawn = table.columns
-    [error] = columns(ERROR)
-    shown = (name, *(replace(error, key=column.key, form=".0f") for column in drawn))
-    looks = {**table.looks, CHOSEN: CHOICE}
+    table, panes = by_levels(found.tables["short"])
+    table = replace(table, looks={**table.looks, CHOSEN: CHOICE})
     reading = "Larger dots: what testbench chooses from the readings. Filled: with a prior."
-    panes = {column.key: column.heading for column in drawn}
-    table = replace(table, columns=shown, looks=looks)
     return {"which_model.png": forest(table, panes, found.question, reading, JOINTS_ONLY)}
 
 

@@ -24,7 +24,7 @@ from scipy.optimize import OptimizeResult, differential_evolution, minimize
 from scipy.stats import qmc
 
 from testbench.data.dataset import Dataset
-from testbench.errors import Array, BenchError
+from testbench.errors import Array
 from testbench.identify.conic import ConicProgram, certify, scaled_gco_program, tie_break_penalty
 from testbench.identify.estimate import Estimate, make_estimate
 from testbench.identify.regression import Regression, ResidualTerm, check_symmetric, reduce
@@ -93,10 +93,8 @@ def factorise(regression: Regression, m: int = MAX_ORDER) -> Factorised:
         The problem.
 
     Raises:
-        BenchError: When m is not 1 to 6, or the structure is not symmetric.
+        BenchError: When the structure is not symmetric.
     """
-    if not 1 <= m <= MAX_ORDER:
-        raise BenchError(f"m: expected an order of the vector space of 1 to {MAX_ORDER}, got {m}")
     check_symmetric(regression.structure)
     program = scaled_gco_program(regression, tie_break_penalty(regression))
     blocks = program.observed_structure.blocks
@@ -300,12 +298,7 @@ def local_solves(search: Search, rng: np.random.Generator, starts: int, evaluate
         rng: Source of the starts.
         starts: Number of local solves.
         evaluate: Computes F_M and its gradient.
-
-    Raises:
-        BenchError: When there are no starts.
     """
-    if starts < 1:
-        raise BenchError(f"starts: expected at least 1 local solve, got {starts}")
     for _ in range(starts):
         search.solve(random_start(search.problem, rng), evaluate)
 
