@@ -16,7 +16,7 @@ from testbench.files.columns import Columns, UnknownColumns
 from testbench.files.layouts import fitting
 from testbench.files.mapping import Map
 from testbench.files.propose_map import Proposal, fit_of_series, map_text, propose
-from testbench.files.read_pairs import read_export
+from testbench.files.read_pairs import Export, read_export
 from testbench.files.read_series import read_series
 from testbench.files.read_unknown import sheets_of
 from testbench.files.text import UnevenRows
@@ -75,22 +75,9 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
     given = [find_arm(runs.arm), *files_read(runs), *(file for file in (asked.log, asked.loaded) if file)]
     with claim_folder(asked.out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
         filed, console = build_cell(runs.arm), plain_console()
-        mapping = _map_of_layout(console, filed, runs, asked)
-        if isinstance(mapping, Map) and not _pairs(runs, filed, mapping):
-            _show_series(console, filed, runs.dataset, mapping)
+        export = _pairs(console, filed, runs, _map_of_layout(console, filed, runs, asked))
+        if export is None:
             return
-        try:
-            export = read_export_file(filed, runs, mapping)
-        except InputError as err:
-            if _shown_as_poses(console, filed, runs.dataset, mapping):
-                return
-            if mapping is not None or not isinstance(err, (UnknownColumns, UnevenRows)):
-                raise
-            mapping = _map_by_names(console, filed, runs, err)
-            if not _pairs(runs, filed, mapping):
-                _show_series(console, filed, runs.dataset, mapping)
-                return
-            export = read_export_file(filed, runs, mapping)
         found = contents(export)
         found["columns"] = [Row(row, values=written(row)) for row in found.columns]
         try:
@@ -109,6 +96,22 @@ def check(runs: ReadingOptions, asked: DataOptions) -> None:
             opened = viewing_lines(asked.out, arm=runs.arm, data=runs.dataset)
             lines += [f"picture    {asked.out / 'data.png'}", *opened]
         print_words(console, said, lines=lines)
+
+
+def _pairs(console: Console, cell: Cell, runs: ReadingOptions, mapping: Path | Map | None) -> Export | None:
+    """The pairs of a file, by a map, our names or known ones; None of other readings, which are shown."""
+    if isinstance(mapping, Map) and not _are_pairs(runs, cell, mapping):
+        _show_series(console, cell, runs.dataset, mapping)
+        return None
+    try:
+        return read_export_file(cell, runs, mapping)
+    except InputError as err:
+        if _shown_as_poses(console, cell, runs.dataset, mapping):
+            return None
+        if mapping is not None or not isinstance(err, (UnknownColumns, UnevenRows)):
+            raise
+        suggested = _map_by_names(console, cell, runs, err)
+    return _pairs(console, cell, runs, suggested)
 
 
 def _map_of_layout(
@@ -160,7 +163,7 @@ def _print_map(console: Console, dataset: Path, proposal: Proposal) -> None:
     console.print("\n".join([*_origin(proposal), "", hint, "", _map_file(file, proposal)]), soft_wrap=True)
 
 
-def _pairs(runs: ReadingOptions, cell: Cell, mapping: Map) -> bool:
+def _are_pairs(runs: ReadingOptions, cell: Cell, mapping: Map) -> bool:
     """Whether the readings of a file are in pairs, unloaded and loaded."""
     if _along_lines(mapping):
         return True

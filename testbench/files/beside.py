@@ -74,7 +74,9 @@ def read_rotations(columns: Columns, notation: str = "") -> Array | None:
         raise columns.table.header_error(f"expected orientations in one notation, got {' and '.join(kinds)}")
     what = found[0].slot.what
     if what == "rotation":
-        return _from_angles(columns, notation or _stated(columns, found) or _unsaid(columns))
+        if not (notation := notation or _stated(columns, found)):
+            raise UnclearNotation(columns, NOTATIONS)
+        return _from_angles(columns, notation)
     own = columns.complete_set(columns_of(what))
     values, there = columns.together(own)
     read = _from_quaternions if what == "quaternion" else _from_matrices
@@ -149,11 +151,6 @@ def _stated(columns: Columns, found: list[ReadColumn]) -> str:
     """Return the map's notation, or "vector" for our own rotation_x, y, z; "" for other angles."""
     ours = all(column.slot.index < len(XYZ) and not columns.names.maps(column.name) for column in found)
     return columns.names.map.series.rotation or ("vector" if ours else "")
-
-
-def _unsaid(columns: Columns) -> str:
-    """Refuse angles whose notation nobody knows."""
-    raise UnclearNotation(columns, f"{NOTATIONS}")
 
 
 def _from_quaternions(columns: Columns, name: str, values: Array) -> Array:

@@ -97,75 +97,38 @@ def not_these(table: TableCells, columns: Sequence[int]) -> str:
     return names and f"{names} {'is' if len(columns) == 1 else 'are'} not read"
 
 
-def angle_unit(table: TableCells, joints: Sequence[int]) -> tuple[str, str]:
-    """Guess the unit of joints from their values: degrees if one exceeds TURNS, else radians.
+def guessed_unit(values: Array, stated: str, typical: float | None = None) -> tuple[str, str]:
+    """Guess the unit of angles from their largest, degrees beyond TURNS, or of lengths from their median.
 
     Args:
-        table: The export.
-        joints: Places of the joints' columns.
-
-    Returns:
-        Suffix of the map's key, "_deg" or "_rad", and the reason.
-    """
-    unit, why = angle_of(_sizes(table, joints))
-    return f"_{unit}", why
-
-
-def angle_of(values: Array) -> tuple[str, str]:
-    """Guess the unit of angles: degrees if one exceeds TURNS, else radians.
-
-    Args:
-        values: The angles, of any shape.
-
-    Returns:
-        "deg" or "rad", and the reason.
-    """
-    most = float(np.abs(values).max(initial=0.0))
-    return "deg" if most > TURNS else "rad", f"the largest angle is {most:.4g}"
-
-
-def length_of(values: Array, typical: float, stated: str) -> tuple[str, str]:
-    """Guess the unit of lengths from their median.
-
-    Args:
-        values: The lengths, of any shape.
-        typical: What they are, to an order of magnitude [m].
-        stated: Unit of positions that the file states; "" where it states none.
+        values: The numbers, of any shape.
+        stated: Name of their unit; "" where the file states none.
+        typical: What lengths are, to an order of magnitude [m]; None for angles.
 
     Returns:
         Name of the unit, and the reason; "" if the unit is stated.
     """
-    if stated and typical == PLACE:
+    if stated:
         return stated, ""
-    middle = float(np.median(np.abs(values))) if np.size(values) else 1.0
-    middle = middle or 1.0
+    sizes = np.abs(values)
+    if typical is None:
+        most = float(sizes.max(initial=0.0))
+        return "deg" if most > TURNS else "rad", f"the largest angle is {most:.4g}"
+    middle = (float(np.median(sizes)) if sizes.size else 1.0) or 1.0
     unit = min(LENGTHS, key=lambda unit: abs(np.log(middle * LENGTHS[unit] / typical)))
     return unit, f"a typical number is {middle:.4g}"
 
 
-def length_unit(
-    table: TableCells, k: int, alike: Sequence[int], typical: float, stated: str
-) -> tuple[str, str]:
-    """Guess the unit of a column of lengths from the values of columns like it, where its name states none.
+def numbers_of(table: TableCells, columns: Sequence[int]) -> Array:
+    """Read the numbers of some columns, those that are none left out.
 
     Args:
         table: The export.
-        k: Place of the column.
-        alike: Places of the columns whose values count.
-        typical: What they are, to an order of magnitude [m].
-        stated: Unit of positions that the file states; "" where it states none.
+        columns: Places of the columns.
 
     Returns:
-        Suffix of the map's key, such as "_mm", and the reason; both "" where no suffix is needed.
+        The numbers, (k,).
     """
-    if unit_of(table, k):
-        return "", ""
-    unit, why = length_of(_sizes(table, alike), typical, stated)
-    return f"_{unit}", why
-
-
-def _sizes(table: TableCells, columns: Sequence[int]) -> Array:
-    """The numbers of some columns, those that are none left out."""
     numbers = (number_of(text) for k in columns for text in table.texts(k))
     return np.array([number for number in numbers if number is not None])
 

@@ -12,16 +12,14 @@ from testbench.files.guess import (
     PLACE,
     SCATTER,
     Entry,
-    angle_of,
-    angle_unit,
     by_states,
-    length_of,
-    length_unit,
+    guessed_unit,
     line_entries,
     lost_words,
     mass_columns,
     mass_entries,
     not_these,
+    numbers_of,
     reasons,
     refuse_twice,
     unit_of,
@@ -86,10 +84,12 @@ def columns_by_name(
     for theirs, our in DEVIATIONS.items() if "deviation" not in said else ():
         if theirs in known:
             k, *others = known[theirs]
-            unit, why = length_unit(table, k, [k], SCATTER, length)
-            yield Entry("columns", our + unit, table.names[k], reasons(why, not_these(table, others)))
+            stated = unit_of(table, k)
+            unit, why = guessed_unit(numbers_of(table, [k]), stated.name if stated else "", SCATTER)
+            our = our if stated else f"{our}_{unit}"
+            yield Entry("columns", our, table.names[k], reasons(why, not_these(table, others)))
             if theirs.startswith("u95"):
-                yield Entry("scale", our + unit, 0.5, "two standard deviations, as U95")
+                yield Entry("scale", our, 0.5, "two standard deviations, as U95")
     if "temperature" in known and "temperature" not in said:
         k, *others = known["temperature"]
         yield Entry("columns", "temperature", table.names[k], not_these(table, others))
@@ -117,9 +117,11 @@ def _readings(table: TableCells, arm: Arm, length: str, known: Mapping[str, list
     refuse_twice(table, [k for columns in readings.values() for k in columns])
     yield from markers
     alike = [own[0] for name, own in readings.items() if DEFLECTION not in name]
+    unit, why = guessed_unit(numbers_of(table, alike), length, PLACE)
     for our, (k, *others) in readings.items():
-        unit, why = length_unit(table, k, alike, PLACE, length)
-        yield Entry("columns", our + unit, table.names[k], reasons(stated, why, not_these(table, others)))
+        bare = unit_of(table, k) is None
+        because = reasons(stated, why * bare, not_these(table, others))
+        yield Entry("columns", our + f"_{unit}" * bare, table.names[k], because)
     yield from lost_words(table, [k for k, *_ in readings.values()])
 
 
@@ -184,16 +186,17 @@ def _joints(table: TableCells, arm: Arm, angle: str) -> Iterator[Entry]:
     """The columns of joints by their names."""
     joints, *others = joint_families(table.names, arm) or [[]]
     if joints:
-        unit, why = (f"_{angle}", "") if angle else angle_unit(table, joints)
+        unit, why = guessed_unit(numbers_of(table, joints), angle)
         if how := _ordered(table, joints):
-            yield from ordered_joints(how, table, arm, unit[1:])
+            yield from ordered_joints(how, table, arm, unit)
             return
         for joint, k, *alike in zip(arm.file_joints, joints, *others, strict=True):
-            own = ("_m" if joint.prismatic else unit) * (unit_of(table, k) is None)
-            because = reasons(why * bool(own), not_these(table, alike))
+            bare = unit_of(table, k) is None
+            because = reasons(why * bare, not_these(table, alike))
+            own = f"_{'m' if joint.prismatic else unit}" * bare
             yield Entry("columns", joint.name + own, table.names[k], because)
     elif arm.file_joints:
-        yield _joint_cells(table, arm)
+        yield _joint_cells(table, arm, angle)
 
 
 def _ordered(table: TableCells, joints: Sequence[int]) -> Ordered | None:
@@ -393,15 +396,15 @@ def has_joints(table: TableCells, arm: Arm) -> bool:
     )
 
 
-def _joint_cells(table: TableCells, arm: Arm) -> Entry:
+def _joint_cells(table: TableCells, arm: Arm, angle: str) -> Entry:
     """The column that holds all joints in one cell; InputError where none does."""
     for k in sorted(range(len(table.names)), key=lambda k: not looks_like(table.names[k], "joints")):
         values = _cells_of(table, k, len(arm.file_joints))
         if len(values) and not POSED.search(plain(table.names[k])):
-            said, (guessed, why) = unit_of(table, k), angle_of(values)
-            unit = said.name if said else guessed
+            said = unit_of(table, k)
+            unit, why = guessed_unit(values, said.name if said else angle)
             slides = "_m" * any(joint.prismatic for joint in arm.file_joints)
-            return Entry("cells", table.names[k], f"{{joints_{unit}{slides}}}", "" if said else why)
+            return Entry("cells", table.names[k], f"{{joints_{unit}{slides}}}", why)
     raise _unlike(table, arm.file_joints[0].name)
 
 
@@ -412,13 +415,12 @@ def _position_cells(table: TableCells, arm: Arm, length: str) -> Iterator[Entry]
     for k, name in enumerate(table.names):
         if looks_like(name, "joints") or not len(values := _cells_of(table, k, len(XYZ))):
             continue
-        said, (guessed, why) = unit_of(table, k), length_of(values, PLACE, length)
+        said = unit_of(table, k)
+        unit, why = guessed_unit(values, said.name if said else length, PLACE)
         bare = AXES.sub(" ", (split_unit(name) or (name,))[0])
         at = place(f"{bare} x") or Place("", "", "x")
-        whose = "_".join(
-            filter(None, (markers.get(at.target, ""), at.when, f"position_{said.name if said else guessed}"))
-        )
-        found.setdefault(at, Entry("cells", name, f"{{{whose}}}", "" if said else why))
+        whose = "_".join(filter(None, (markers.get(at.target, ""), at.when, f"position_{unit}")))
+        found.setdefault(at, Entry("cells", name, f"{{{whose}}}", why))
     if not found:
         raise _unlike(table, "a position")
     several = [own for at, own in found.items() if at.target in markers or at.when]

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import accumulate, islice
+from itertools import islice
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -22,6 +22,7 @@ from testbench.files.text import (
     SHEET,
     WIDEST,
     cells_in,
+    filled_right,
     is_comment,
     read_letters,
     split_lines,
@@ -330,7 +331,7 @@ def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> 
     mark = divided.mark
     lines = [divided.lines[row.line] for row in divided.rows if row.line >= header.line]
     names = header.cells[: width_of(lines, mark)]
-    rows = [_filled(cells_in(line, mark), len(names)) for line in found.above]
+    rows = [filled_right(cells_in(line, mark), len(names)) for line in found.above]
     axes = {k: axis for k, name in enumerate(names) if (axis := _bare(name).casefold()) in XYZ}
     labels: dict[int, str] = {}
     for words in OTHERS:
@@ -389,16 +390,6 @@ def _labels(
 def _turned(rows: Sequence[Sequence[str]], k: int) -> bool:
     """Whether a line above the header says that a column is of an orientation."""
     return any(plain(row[k]) == "rotation" for row in rows)
-
-
-def _filled(cells: Sequence[str], count: int) -> list[str]:
-    """The cells of a line above the header, each as wide as the columns below it."""
-    wide = [*cells, *[""] * count][:count]
-    return list(accumulate(wide, _kept))
-
-
-def _kept(left: str, own: str) -> str:
-    return own or left
 
 
 def _last(label: str) -> str:

@@ -18,6 +18,9 @@ from testbench.errors import some_of
 
 # --- The quantities of a measurement ------------------------------------------------------------------------
 
+KNOWN_EXPORTS = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
+"""How exports call quantities, units and states, in ten languages."""
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -33,49 +36,22 @@ INCH, POUND, STANDARD = 0.0254, 0.45359237, 9.80665
 DEGREE = math.pi / 180  #: Of a radian.
 GON, GRAD = Unit("gon", "rad", math.pi / 200), Unit("grad", "rad", DEGREE)
 """GRAD is degrees in German, Spanish and Russian, and gon in English: `find_columns` settles it."""
-UNITS = (
-    *(Unit(n, "m", s) for n, s in (("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", INCH))),
-    *(Unit(n, "m", s) for n, s in (("mil", 1e-3 * INCH), ("ft", 12 * INCH))),
-    *(Unit(n, "rad", s) for n, s in (("rad", 1.0), ("mrad", 1e-3), ("deg", DEGREE), ("mdeg", 1e-3 * DEGREE))),
-    *(
-        Unit(n, "rad", s)
-        for n, s in (("arcmin", DEGREE / 60), ("arcsec", DEGREE / 3600), ("rev", 2 * math.pi))
-    ),
-    GON,
-    *(Unit(n, "N", s) for n, s in (("N", 1.0), ("daN", 10.0), ("kN", 1e3), ("lbf", POUND * STANDARD))),
-    Unit("kgf", "N", STANDARD),
-    *(Unit(n, "Nm", s) for n, s in (("Nm", 1.0), ("Nmm", 1e-3))),
-    *(Unit(n, "kg", s) for n, s in (("kg", 1.0), ("lb", POUND), ("g", 1e-3), ("t", 1e3))),
-    *(Unit(n, "m2", s) for n, s in (("m2", 1.0), ("mm2", 1e-6), ("um2", 1e-12))),
-)
+SCALES = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": INCH, "mil": 1e-3 * INCH, "ft": 12 * INCH},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE, "mdeg": 1e-3 * DEGREE, "gon": GON.scale}
+    | {"arcmin": DEGREE / 60, "arcsec": DEGREE / 3600, "rev": 2 * math.pi},
+    "N": {"N": 1.0, "daN": 10.0, "kN": 1e3, "lbf": POUND * STANDARD, "kgf": STANDARD},
+    "Nm": {"Nm": 1.0, "Nmm": 1e-3},
+    "kg": {"kg": 1.0, "lb": POUND, "g": 1e-3, "t": 1e3},
+    "m2": {"m2": 1.0, "mm2": 1e-6, "um2": 1e-12},
+}
+"""Units that are read, by what they are multiples of."""
+UNITS = tuple(Unit(name, si, scale) for si, own in SCALES.items() for name, scale in own.items())
 #: Of what is not zero, in any unit: its square is not zero, nor what is divided by it infinite.
 MIN_NUMBER = 1e-100
 MAX_NUMBERS = {"m": 1e6, "rad": 1e6, "N": 1e9, "Nm": 1e9, "kg": 1e6, "m2": 1e6}
 """Largest number of a quantity in SI that is read: beyond it a file is broken."""
-OTHERS = {
-    "m": "meter meters metre metres mètre mètres metros 米",
-    "cm": "centimeter centimeters centimetre centimetres",
-    "mm": "millimeter millimeters millimetre millimetres millimètre millimètres milímetros 毫米 мм",
-    "um": "μm micron microns micrometer micrometers micrometre micrometres",
-    "in": "inch inches pulgadas pollici",
-    "mil": "mils thou thous",
-    "ft": "foot feet",
-    "rad": "radian radians 弧度",
-    "deg": "° degree degrees degré degrés grado grados gradi grau graus 度 도 градус градусы град",
-    "gon": "gons gradian gradians",
-    "rev": "revs revolution revolutions turn turns umdrehung umdrehungen tour tours vuelta vueltas giri",
-    "mdeg": "millidegree millidegrees",
-    "arcmin": "arcminute arcminutes",
-    "arcsec": "arcsecond arcseconds",
-    "kg": "kilogram kilograms kilogramm kilogramme 千克 公斤 кг",
-    "g": "gram grams gramm",
-    "t": "tonne tonnes tonnen tonnellate toneladas 吨 тонн",
-    "lb": "lbs",
-    "kgf": "kp",
-    "n": "newton newtons",
-    "nm": "n*m n·m",
-}
-OTHER_NAMES = {other: unit for unit, words in OTHERS.items() for other in words.split()}
+OTHER_NAMES = {other: unit for unit, words in KNOWN_EXPORTS["units"].items() for other in words.split()}
 """What files write for these, in small letters; both micro signs become the Greek letter."""
 UNITS_BY_NAME = {unit.name.lower(): unit for unit in (*UNITS, GRAD)}
 PART = re.compile(r"(?P<under>1/)?(?P<number>\d+([.,]\d+)?)(?P<unit>[^\W\d]+)")
@@ -421,7 +397,6 @@ def expand(
 
 # --- Meaning of columns by their names: joints of one family, positions of targets, and unread columns ------
 
-KNOWN_EXPORTS = tomllib.loads(Path(__file__).with_name("exports.toml").read_text(encoding="utf-8"))
 BESIDE = {*KNOWN_EXPORTS["beside"]["words"]}  #: Words that stand beside those of a state.
 STATE_OF_WORD: dict[str, str] = {
     squeeze(word): state for state, words in KNOWN_EXPORTS["states"].items() for word in words

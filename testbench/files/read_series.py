@@ -6,7 +6,6 @@ Readings of several targets at one time form one row of a series.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,14 +13,20 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import Series, select_rows, series_from_runs
 from testbench.errors import Array, Ids, check_type, stem_of
 from testbench.files.beside import (
+    MIN_POSES,
     NOTATIONS,
     FixedPoints,
+    OrientationFit,
     UnclearNotation,
+    clear_fit,
+    fits_of,
+    notations,
     read_fixed_points,
     read_rotations,
     read_temperature,
     read_time,
     read_torques,
+    unclear,
     unsaid_angles,
 )
 from testbench.files.columns import (
@@ -50,9 +55,6 @@ from testbench.files.read_pairs import (
     untold_readings,
 )
 
-if TYPE_CHECKING:
-    from testbench.files.beside import OrientationFit
-
 ALONE = "target"
 """Name of a file's only target if the arm has several."""
 APART = 0.02
@@ -76,7 +78,7 @@ class SeriesExport:
     columns: Columns  #: Meaning of its columns.
     notes: tuple[str, ...]  #: Assumptions, omissions and numbering.
     lost: Ids  #: Lines of rows without a reading, which are left out.
-    fit: "OrientationFit | None" = None  #: The fitted notation of angles, where nothing states it.
+    fit: OrientationFit | None = None  #: The fitted notation of angles, where nothing states it.
 
 
 def read_series(
@@ -193,7 +195,7 @@ def _assembled(
     columns: Columns,
     arm: Arm,
     rows: tuple[RowConditions, FileReadings, Scatter],
-    fit: "OrientationFit | None",
+    fit: OrientationFit | None,
 ) -> tuple[Series, Ids, Ids, list[str]]:
     """Convert all rows of a file to one series without a name, each with a covariance.
 
@@ -252,7 +254,7 @@ def _assembled(
 
 def _fitted_notation(
     columns: Columns, arm: Arm, conditions: RowConditions, read: FileReadings
-) -> "OrientationFit | None":
+) -> OrientationFit | None:
     """Find the notation of three angles of which nobody says it, by the kinematics of the drawn arm.
 
     Raises:
@@ -261,21 +263,19 @@ def _fitted_notation(
     found = unsaid_angles(columns)
     if found is None:
         return None
-    from testbench.files import beside  # here: few files need it
-
     angles, there, by_axis = found
     # Rows of the target that was read most often.
     target = int(np.bincount(read.marker).argmax()) if len(read.marker) else 0
     some = (read.marker == target) & np.isfinite(read.position).all(axis=1) & there[read.row]
     row, position = read.row[some], read.position[some]
-    if len(np.unique(number_rows(conditions.q[row]))) < beside.MIN_POSES:
-        problem = f"{NOTATIONS}; testbench can find the notation from {beside.MIN_POSES} poses or more"
+    if len(np.unique(number_rows(conditions.q[row]))) < MIN_POSES:
+        problem = f"{NOTATIONS}; testbench can find the notation from {MIN_POSES} poses or more"
         raise UnclearNotation(columns, problem)
-    tried = beside.notations(angles[row], by_axis)
-    fits = beside.fits_of(arm, conditions.q[row], position, tried)
-    fit = beside.clear_fit(fits)
+    tried = notations(angles[row], by_axis)
+    fits = fits_of(arm, conditions.q[row], position, tried)
+    fit = clear_fit(fits)
     if fit is None:
-        problem = f"{NOTATIONS}; {beside.unclear(fits)}"
+        problem = f"{NOTATIONS}; {unclear(fits)}"
         raise UnclearNotation(columns, problem)
     return fit
 

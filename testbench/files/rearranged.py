@@ -243,51 +243,48 @@ def take_apart(table: TableCells, names: Names) -> tuple[TableCells, list[str]]:
         table = stack_columns(table, names.stacked, names.loads, names.markers)
     read_as = _numbered(table.names, names)
     for header, patterns in names.cells.items():
-        place, wholes = f"cells.{header}", []
         if header not in table.names:
             have = some_of(table.names)
-            raise names.error(table.path, place, f"no such column; columns are {have}")
-        if len(patterns) == 1 and (whole := WHOLE_CELL.fullmatch(patterns[0])):
-            table, parts = _numbers_apart(table, header, whole, names)
-            read_as += parts
-            read_as[table.names.index(header)] = ""
-            continue
-        if patterns == (f"{{{DIRECTION}}}",):
-            parts, wanted = (
-                [f"{DIRECTION}_{axis}" for axis in XYZ],
-                "an axis of the world with its sign, as -Z",
-            )
-            table = table.with_parts(table.names.index(header), parts, _direction, wanted)
-            read_as += parts
-            read_as[table.names.index(header)] = ""
-            continue
-        for pattern in patterns:
-            parts = re.findall(r"\{(\w+)\}", pattern)
-            known = all(recognise(part, names.ours) for part in parts)
-            if not parts or not known or len(set(parts)) < len(parts) or pattern.count("*") > MAX_STARS:
-                problem = (
-                    "expected quantities such as {run}, {pose}, {marker}, each once, * for anything else, "
-                    f"got {pattern!r}"
-                )
-                raise names.error(table.path, place, problem)
-            wholes.append(_expression(pattern))
-        parts = list(dict.fromkeys(part for whole in wholes for part in whole.groupindex))
-        expected = f"{' or '.join(map(repr, patterns))} as in the map"
-        table = table.with_parts(table.names.index(header), parts, _parted_by(wholes), expected)
+            raise names.error(table.path, f"cells.{header}", f"no such column; columns are {have}")
+        place = table.names.index(header)
+        parts, divide, expected = _division(table, place, patterns, names)
+        table = table.with_parts(place, parts, divide, expected)
         read_as += parts
         if not names.maps(header):
-            read_as[table.names.index(header)] = ""  # one of our names, but its parts count
+            read_as[place] = ""  # one of our names, but its parts count
     return table, read_as
 
 
-def _parted_by(wholes: Sequence[re.Pattern[str]]) -> Callable[[str], Mapping[str, str] | None]:
-    """How patterns divide a cell; None for one that none of them fits."""
+Divide = Callable[[str], Mapping[str, str] | None]
+"""Function that divides a cell into its parts; None for one that is written otherwise."""
 
-    def parts(text: str) -> Mapping[str, str] | None:
+
+def _division(
+    table: TableCells, place: int, patterns: Sequence[str], names: Names
+) -> tuple[list[str], Divide, str]:
+    """The parts of the cells of a column, how to divide one, and how it should be written."""
+    if len(patterns) == 1 and (whole := WHOLE_CELL.fullmatch(patterns[0])):
+        return _numbers_apart(table, place, whole, names)
+    if patterns == (f"{{{DIRECTION}}}",):
+        parts = [f"{DIRECTION}_{axis}" for axis in XYZ]
+        return parts, _direction, "an axis of the world with its sign, as -Z"
+    for pattern in patterns:
+        parts = re.findall(r"\{(\w+)\}", pattern)
+        known = all(recognise(part, names.ours) for part in parts)
+        if not parts or not known or len(set(parts)) < len(parts) or pattern.count("*") > MAX_STARS:
+            problem = (
+                "expected quantities such as {run}, {pose}, {marker}, each once, * for anything else, "
+                f"got {pattern!r}"
+            )
+            raise names.error(table.path, f"cells.{table.names[place]}", problem)
+    wholes = [*map(_expression, patterns)]
+
+    def divide(text: str) -> Mapping[str, str] | None:
         found = (match for whole in wholes if (match := whole.fullmatch(text)))
         return next((match.groupdict() for match in found), None)
 
-    return parts
+    parts = list(dict.fromkeys(part for whole in wholes for part in whole.groupindex))
+    return parts, divide, f"{' or '.join(map(repr, patterns))} as in the map"
 
 
 def _direction(text: str) -> dict[str, str] | None:
@@ -300,8 +297,8 @@ def _direction(text: str) -> dict[str, str] | None:
 
 
 def _numbers_apart(
-    table: TableCells, header: str, pattern: re.Match[str], names: Names
-) -> tuple[TableCells, list[str]]:
+    table: TableCells, place: int, pattern: re.Match[str], names: Names
+) -> tuple[list[str], Divide, str]:
     """Joints, or a position, whose numbers stand in one cell with anything between them."""
     what: What = "joint" if pattern["what"] == "joints" else "reading"
     of = pattern["marker"] or "", pattern["when"] or ""
@@ -310,14 +307,13 @@ def _numbers_apart(
     slides = names.slides if what == "joint" else frozenset()
     units = [pattern["slide"] or "m" if n in slides else pattern["unit"] for n in range(len(keys))]
     parts = [f"{key}_{unit}" for key, unit in zip(keys, units, strict=True)]
-    k = table.names.index(header)
-    texts = [text for text in dict.fromkeys(table.texts(k)) if text]
-    found = numbers_in(texts, len(parts))
+    texts = [text for text in dict.fromkeys(table.texts(place)) if text]
+    found = numbers_in(texts, len(parts)) or [[]] * len(texts)
     divided = {
-        text: dict(zip(parts, own, strict=True)) for text, own in zip(texts, found or (), strict=False)
+        text: dict(zip(parts, own, strict=True)) for text, own in zip(texts, found, strict=True) if own
     }
     expected = f"{len(parts)} numbers in every cell, and any further numbers equal in all cells"
-    return table.with_parts(k, parts, divided.get, expected), parts
+    return parts, divided.get, expected
 
 
 def numbers_in(texts: Sequence[str], count: int) -> list[list[str]] | None:

@@ -70,8 +70,6 @@ def _is_formula(text: str) -> bool:
     return begins[:1] in BEGINS and FORMULA.match(begins) is not None
 
 
-BLOCK = 16_000_000
-"""Block that Arrow parses at a time [byte]: more than the longest row."""
 COMMA = r"^[+-]?([0-9]+,[0-9]*|,[0-9]+)([eE][+-]?[0-9]+)?$"
 DIVIDED = "|".join(f"({mark}[0-9]{{3}})+" for mark in ("X", "'", r"[ \x{00a0}\x{202f}]"))
 GROUPED = {
@@ -662,7 +660,7 @@ def _cells(content: bytes, mark: str, count: int) -> list["pa.Array"]:
     names = list(map(str, range(count)))
     read = csv.read_csv(
         pa.BufferReader(content),
-        csv.ReadOptions(column_names=names, block_size=BLOCK),
+        csv.ReadOptions(column_names=names, block_size=len(content) + 1),
         csv.ParseOptions(delimiter=mark, ignore_empty_lines=False),
         csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string())),
     )

@@ -201,8 +201,6 @@ ROW_NAME = re.compile(r'\s*"\d+"')  #: Number of a row, which R writes in quotes
 COMMENTS = ("#", "//")
 JOINED = 20
 """Most lines of one quoted cell."""
-MAX_ROW_LENGTH = 1_000_000
-"""Most letters of a row."""
 BLANK = ' ;,|\t"'
 """Characters of a blank line."""
 SEARCHED, WIDEST, COUNTED = 100, 20_000, 200
@@ -235,33 +233,31 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
     if content.startswith(PICTURES):
         raise InputError(path, "", "expected a table, got a picture")
     found = next((mark for mark in MARKS if content.startswith(mark)), b"")
-    tried = [MARKS[found]] if found else [encoding] if encoding else ["utf-8", _without_mark(content)]
-    for name in tried:
-        try:
-            text = content[len(found) :].decode(name)
-        except UnicodeDecodeError as err:
-            if name == tried[-1]:
-                place = f"byte {len(found) + err.start + 1}"
-                problem = f"expected text in {' or '.join(tried)}: {err.reason}"
-                raise InputError(path, place, f"{problem}; state the encoding in [file] of a map") from err
-        else:
-            if what := next((what for what, begins in NO_TABLES.items() if re.match(begins, text)), ""):
-                raise InputError(
-                    path, "line 1", f"expected a table, got {what}; save it as CSV or as a workbook"
-                )
-            if "\0" in text:
-                line = text.count("\n", 0, text.index("\0")) + 1
-                hint = "if it is UTF-16 without a mark, state the encoding in a map"
-                raise InputError(path, f"line {line}", f"expected text, got a zero byte; {hint}")
-            return text.replace(MINUS, "-"), name
-    raise AssertionError
+    stated = MARKS.get(found, encoding)
+    name = stated or _guessed_encoding(content)
+    try:
+        text = content[len(found) :].decode(name)
+    except UnicodeDecodeError as err:
+        wanted = name if stated else f"utf-8 or {name}"
+        problem = f"expected text in {wanted}: {err.reason}; state the encoding in [file] of a map"
+        raise InputError(path, f"byte {len(found) + err.start + 1}", problem) from err
+    if what := next((what for what, begins in NO_TABLES.items() if re.match(begins, text)), ""):
+        raise InputError(path, "line 1", f"expected a table, got {what}; save it as CSV or as a workbook")
+    if "\0" in text:
+        line = text.count("\n", 0, text.index("\0")) + 1
+        hint = "if it is UTF-16 without a mark, state the encoding in a map"
+        raise InputError(path, f"line {line}", f"expected text, got a zero byte; {hint}")
+    return text.replace(MINUS, "-"), name
 
 
-def _without_mark(content: bytes) -> str:
-    """Guess the encoding of text that is no UTF-8: cp1252, unless most of its letters stand side by side.
+def _guessed_encoding(content: bytes) -> str:
+    """Guess the encoding of text: UTF-8 if it is, else cp1252, unless most of its letters stand side by side.
 
     Then the encoding counts in which most words are known names of columns or states.
     """
+    with contextlib.suppress(UnicodeDecodeError):
+        content.decode("utf-8")
+        return "utf-8"
     runs = re.findall(rb"[\x80-\xff]+", content[:LOOKED_AT])
     if 2 * sum(len(run) > 1 for run in runs) <= len(runs):
         return "cp1252"
@@ -595,8 +591,8 @@ def _names(lines: Sequence[str], delimiter: str) -> list[str]:
     *upper, lowest = [cells_in(line, delimiter) for line in lines]
     while lowest and not lowest[-1]:
         lowest.pop()
-    merged = [[*accumulate(row, _kept), *[""] * len(lowest)] for row in upper]
-    names = (" ".join(_unit_last(column)) for column in zip(*merged, lowest, strict=False))
+    merged = [filled_right(row, len(lowest)) for row in upper]
+    names = (" ".join(_unit_last(column)) for column in zip(*merged, lowest, strict=True))
     return list(map(printable, names))
 
 
@@ -607,8 +603,17 @@ def _unit_last(parts: Sequence[str]) -> list[str]:
     return found if upper is None or find_unit(upper[2]) is None else [upper[1], *found[1:], f"[{upper[2]}]"]
 
 
-def _kept(left: str, own: str) -> str:
-    return own or left
+def filled_right(cells: Sequence[str], count: int) -> list[str]:
+    """Let the cells of a line above a header name the blank cells to their right, as merged cells do.
+
+    Args:
+        cells: The cells of the line.
+        count: Number of columns.
+
+    Returns:
+        A text for every column.
+    """
+    return list(accumulate([*cells, *[""] * count][:count], lambda left, own: own or left))
 
 
 def _full(cells: Sequence[str], count: int) -> bool:
@@ -649,15 +654,9 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
 
     Raises:
         UnevenRows: If a row has another number of cells than the header.
-        InputError: If a row has more than `MAX_ROW_LENGTH` letters.
     """
     count, (_, mark) = len(header.names), _divided("", header.delimiter)
     blanks, rows = _blanks(header.delimiter), list[str]()
-    for k, line in enumerate(lines):
-        if len(line) > MAX_ROW_LENGTH:
-            raise InputError(
-                path, f"line {k + 1}", f"expected at most {MAX_ROW_LENGTH} letters, got {len(line)}"
-            )
     for k in header.body:
         line = _divided(lines[k], header.delimiter)[0] if blanks else lines[k]
         if '"' in line or line.count(mark) != count - 1:
