@@ -12,7 +12,6 @@ matrices those that come nearest follow from the largest singular value of the m
 the vectors t and m are linear.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -24,7 +23,7 @@ from testbench.arm.folder import Arm
 from testbench.data.dataset import NOMINAL_FIXED_POINT_DEVIATION, NOMINAL_NORMAL_DEVIATION, select_evenly
 from testbench.errors import Array, BenchError, Ids, InputError, Mask
 from testbench.files.columns import Columns, ReadColumn
-from testbench.files.names import ROTATIONS, XYZ, Slot, columns_of, torque_columns
+from testbench.files.names import ROTATIONS, WHEN, XYZ, Slot, What, columns_of, torque_columns
 from testbench.files.rearranged import clock, seconds
 from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import marker_positions, rotation_matrices, tool_points, tool_poses
@@ -37,8 +36,6 @@ file."""
 MAX_RADIANS = 2.5 * np.pi
 """Largest angle [rad]: larger ones are in degrees."""
 NOTATIONS = 'expected "intrinsic xyz", "extrinsic zyx" or the like, or "vector" for three angles'
-ROUNDED = re.compile(r"\d([.,]\d*)?[eE]\+?13|\d{6}0{8}")
-"""Time rounded by a spreadsheet, such as 2,02011E+13: its hour is lost."""
 
 
 class UnclearNotation(InputError):
@@ -128,23 +125,28 @@ def _from_angles(columns: Columns, notation: str) -> Array:
     """Convert three angles in a notation."""
     found = [c for c in columns.all_of("rotation") if not c.slot.when]
     angles, there = _angles(columns, found)
-    if notation == "vector":
-        rotation = rotation_matrices(angles)
-    else:
-        from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
-
-        kind, axes = notation.split()
-        if axes[1] in (axes[0], axes[2]):
-            raise columns.map_error("series.rotation", f"no Euler angles {axes!r}")
-        if found[0].slot.index < len(XYZ):  # named by their axes
-            if len(set(axes)) < len(axes):
-                missing = ["rotation_1_rad", "rotation_2_rad", "rotation_3_rad"]
-                raise columns.lack(missing, f"; name the angles of {axes} by their order")
-            angles = angles[:, [XYZ.index(axis) for axis in axes]]
-        order = axes.upper() if kind == "intrinsic" else axes
-        rotation = Rotation.from_euler(order, angles).as_matrix()
+    by_axis = found[0].slot.index < len(XYZ)
+    axes = notation.rpartition(" ")[2]
+    if notation != "vector" and axes[1] in (axes[0], axes[2]):
+        raise columns.map_error("series.rotation", f"no Euler angles {axes!r}")
+    if notation != "vector" and by_axis and len(set(axes)) < len(axes):
+        missing = ["rotation_1_rad", "rotation_2_rad", "rotation_3_rad"]
+        raise columns.lack(missing, f"; name the angles of {axes} by their order")
+    rotation = _turned(angles, notation, by_axis=by_axis)
     rotation[~there] = np.nan
-    return np.asarray(rotation)
+    return rotation
+
+
+def _turned(angles: Array, notation: str, *, by_axis: bool) -> Array:
+    """Convert three angles in a notation, named by their axes or by their order, to matrices."""
+    if notation == "vector":
+        return rotation_matrices(angles)
+    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
+
+    kind, axes = notation.split()
+    if by_axis:
+        angles = angles[:, [XYZ.index(axis) for axis in axes]]
+    return np.asarray(Rotation.from_euler(axes.upper() if kind == "intrinsic" else axes, angles).as_matrix())
 
 
 def _stated(columns: Columns, found: list[ReadColumn]) -> str:
@@ -208,7 +210,7 @@ def read_temperature(columns: Columns) -> tuple[Array | None, list[str]]:
     Returns:
         Temperatures, (rows,) [degree Celsius], or None; and a note if a cell is no number.
     """
-    column = columns.get(Slot("temperature"))
+    column = columns.found.get(Slot("temperature"))
     if column is None:
         return None, []
     return _if_full(columns, column)
@@ -224,7 +226,7 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
         Times, (rows,) [s], or None; and a note if the cells are no times. Seconds are taken as they are;
         dates and times count from the first row.
     """
-    counted, stamp = columns.get(Slot("time", 1)), columns.get(Slot("time"))
+    counted, stamp = columns.found.get(Slot("time", 1)), columns.found.get(Slot("time"))
     if counted is not None:
         return _if_full(columns, counted)
     if stamp is None:
@@ -234,13 +236,9 @@ def read_time(columns: Columns) -> tuple[Array | None, list[str]]:
     counted_in = is_decimal(texts[0]) and seconds(texts[0]) is None  # minutes, perhaps
     if values is not None and not counted_in and (np.ptp(values) > 0 or len(texts) == 1):
         return values - values[0], []
-    wrong = next((text for text in texts if seconds(text) is None), None)
-    if wrong is not None and ROUNDED.fullmatch(wrong):
-        return None, [f"{stamp.name}: {wrong!r} is a time that a spreadsheet rounded, so times are not read"]
-    got = f"{wrong[:40]!r}" if wrong is not None else f"{texts[0][:40]!r} in every row"
-    return None, [
-        f"{stamp.name}: expected 20200714163904 or 2020-07-14 16:39:04, got {got}; times are not read"
-    ]
+    wrong = next((text for text in texts if seconds(text) is None), texts[0])
+    problem = "expected times that differ, such as 20200714163904 or 2020-07-14 16:39:04"
+    return None, [f"{stamp.name}: {problem}, got {wrong[:40]!r}; times are not read"]
 
 
 def _if_full(columns: Columns, column: ReadColumn) -> tuple[Array | None, list[str]]:
@@ -299,7 +297,7 @@ def read_lines(columns: Columns, loaded: Mask) -> FileLines | None:
         return None
     table, notes = columns.table, list[str]()
     travel, distance = _numbers(columns, "travel"), _numbers(columns, "distance")
-    if one_state := columns.get(Slot("travel")):
+    if one_state := columns.found.get(Slot("travel")):
         values = columns.values(one_state)
         travel = np.array([np.where(loaded == state, values, np.nan) for state in (False, True)])
     (fixed, _), (direction, axes) = _triple(columns, "fixed"), _triple(columns, "direction")
@@ -376,7 +374,7 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
     zero = np.zeros(table.rows)
     if columns.source_of(Slot("zero_sigma")) is not None:
         zero = _deviation(columns, "zero_sigma", ~plane, (0.0, MAX_ZERO), notes)
-    column = columns.get(Slot("distance"))
+    column = columns.found.get(Slot("distance"))
     read = np.full(table.rows, np.nan) if column is None else columns.values(column)
     problem = "expected more than 0, got {:g} m; a height over a plane needs a direction (x, y, z)"
     table.refuse(
@@ -394,9 +392,9 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
     )
 
 
-def _numbers(columns: Columns, what: str) -> Array:
+def _numbers(columns: Columns, what: What) -> Array:
     """Read a quantity unloaded and loaded, (2, rows) [m]; a gauge without unloaded readings was zeroed."""
-    loaded, unloaded = columns.get(Slot(what, when="after")), columns.get(Slot(what, when="before"))  # type: ignore[arg-type]
+    unloaded, loaded = (columns.found.get(Slot(what, when=when)) for when in WHEN)
     if loaded is None and unloaded is None:
         return np.full((2, columns.table.rows), np.nan)
     if loaded is None or (unloaded is None and what == "distance"):
@@ -406,17 +404,19 @@ def _numbers(columns: Columns, what: str) -> Array:
     return np.array([first, last])
 
 
-def _triple(columns: Columns, what: str) -> tuple[Array, list[str]]:
+def _triple(columns: Columns, what: What) -> tuple[Array, list[str]]:
     """Read a vector, (rows, 3), NaN where blank or missing; and the names of its columns."""
-    found: list[ReadColumn] = columns.complete_set(columns_of(what))  # type: ignore[arg-type]
+    found = columns.complete_set(columns_of(what))
     if not found:
         return np.full((columns.table.rows, 3), np.nan), []
     return columns.together(found)[0], [column.name for column in found]
 
 
-def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float], notes: list[str]) -> Array:
+def _deviation(
+    columns: Columns, what: What, own: Mask, usual: tuple[float, float], notes: list[str]
+) -> Array:
     """Read a standard deviation, (rows,), 0 in other rows; the usual one where nothing states it."""
-    source = columns.source_of(Slot(what))  # type: ignore[arg-type]
+    source = columns.source_of(Slot(what))
     stated = columns.values(source) if isinstance(source, ReadColumn) else np.full(len(own), source or np.nan)
     stated = np.full(len(own), 0.0) if source == 0.0 else stated
     if (missing := own & np.isnan(stated)).any():
@@ -430,18 +430,9 @@ def _deviation(columns: Columns, what: str, own: Mask, usual: tuple[float, float
     return values
 
 
-@dataclass(frozen=True)
-class PlacedLines:
-    """Hold directions of the readings of every run and marker, as a dataset has them."""
-
-    line_direction: Array  #: Unit vectors, (runs, m, 3) [1]; zero for positions and without an instrument.
-    line_direction_deviation: Array  #: Standard deviations, (runs, m) [rad].
-    line_length: Array  #: Lengths of distances, (runs, m) [m]; 0 for gauges.
-
-
 def place_lines(
     lines: FileLines, arm: Arm, names: tuple[str, ...], q: Array, at: tuple[Ids, Ids]
-) -> PlacedLines:
+) -> tuple[Array, Array, Array]:
     """Arrange directions by run and marker; those of distances are towards the marker of the rigid arm.
 
     Args:
@@ -452,7 +443,8 @@ def place_lines(
         at: Run and marker of every row, (rows,) each.
 
     Returns:
-        Directions, tilts and reaches.
+        Unit vectors, (runs, m, 3) [1], zero for positions and without an instrument; their standard
+        deviations, (runs, m) [rad]; and lengths of distances, (runs, m) [m], 0 for gauges.
     """
     shape = len(q), len(names)
     direction = np.zeros((*shape, 3))
@@ -469,7 +461,7 @@ def place_lines(
         direction[runs, markers] = beam[own] / length[own, None]
         reach[runs, markers] = length[own]
         tilt[runs, markers] = lines.fixed_sigma[own] / length[own]
-    return PlacedLines(direction, tilt, reach)
+    return direction, tilt, reach
 
 
 # --- Notation of orientations that a file does not state: the one that fits the arm's kinematics ------------
@@ -510,14 +502,11 @@ def notations(angles: Array, by_axis: bool) -> dict[str, Array]:
         Rotation matrices, (poses, 3, 3), by the notation as a map states it. Of notations that give the same
         for these angles, there is only the first.
     """
-    from scipy.spatial.transform import Rotation  # here: it takes long to import, and few files need it
-
-    found = {"vector": rotation_matrices(angles)}
+    found = {"vector": _turned(angles, "vector", by_axis=by_axis)}
     for kind, order in product(("intrinsic", "extrinsic"), ORDERS):
         if by_axis and order[0] == order[2]:
             continue
-        own = angles[:, [XYZ.index(axis) for axis in order]] if by_axis else angles
-        rotation = Rotation.from_euler(order.upper() if kind == "intrinsic" else order, own).as_matrix()
+        rotation = _turned(angles, f"{kind} {order}", by_axis=by_axis)
         if all(np.abs(rotation - other).max() > SAME for other in found.values()):
             found[f"{kind} {order}"] = rotation
     return found

@@ -31,7 +31,6 @@ from testbench.files.names import (
     Unit,
     What,
     columns_of,
-    looks_like,
     plain,
     split_unit,
     squeeze,
@@ -61,6 +60,9 @@ KINDS_OF_UNITS = {
     **{"rad": "angle", "m": "length", "m2": "squared length", "kg": "mass", "N": "force", "Nm": "moment"},
 }
 """What the units of quantities are of."""
+
+
+JOINTS_BY_MAP = '; joints with other names go into [columns] of a map, as "joint_{n}_deg" = "A{n}"'
 
 
 class UnknownColumns(InputError):
@@ -110,17 +112,6 @@ class Columns:
             The columns, in the order of the file.
         """
         return sorted((c for c in self.found.values() if c.slot.what in what), key=lambda c: c.index)
-
-    def get(self, slot: Slot) -> ReadColumn | None:
-        """Find the column of a quantity.
-
-        Args:
-            slot: The quantity, with component, target and state.
-
-        Returns:
-            The column; None if there is none.
-        """
-        return self.found.get(slot)
 
     @property
     def joints(self) -> tuple[tuple[str, str], ...]:
@@ -174,11 +165,8 @@ class Columns:
         values = self.values(column)
         blank = np.isnan(values)
         if blank.any():
-            last = int(blank.argmax()) == self.table.rows - 1
-            what, key = (
-                ("a line after the table", "footer = 1") if last else ("merged cells", "merged = true")
-            )
-            hint = f"for {what}, write {key} in [file] of a map"
+            hint = "in [file] of a map, write merged = true for merged cells; "
+            hint += "for a line after the table, write footer = 1"
             if column.slot.what in ACTS:
                 hint = "write 0 if none acts"
             self.table.refuse(blank, column.name, f"expected a finite number, got ''; {hint}")
@@ -260,8 +248,8 @@ class Columns:
             understood = [column.name for column in sorted(self.found.values(), key=lambda c: c.index)]
             ignored = f"; not understood: {some_of(self.ignored)}; understood: {some_of(understood)}"
         readings = Slot("state") in self.names.ours.values()  # a program has no states
-        if self.ignored and readings and not hint:
-            hint = "; testbench data check proposes a map"
+        if self.ignored and not hint:
+            hint = "; testbench data check proposes a map" if readings else JOINTS_BY_MAP
         problem = f"missing columns: {some_of(missing)}{ignored}{hint}"
         return UnknownColumns(self.table, problem, joints=bool(self.all_of("joint")))
 
@@ -288,28 +276,6 @@ class Columns:
         """
         stated = self.names.values.get(slot)
         return None if stated is None else stated[0] * stated[1].scale
-
-
-def numbered_joints(names: Sequence[str], count: int) -> str:
-    """Write a map's entry for columns that are numbered as the joints are.
-
-    Args:
-        names: Names of columns.
-        count: Number of joints.
-
-    Returns:
-        The entry as a hint; "" if there are no such columns.
-    """
-    units = dict(split_unit(name) or (name, None) for name in names)
-    for name, unit in units.items():
-        before, one, after = name.rpartition("1")
-        if one and all(f"{before}{k}{after}" in units for k in range(1, count)):
-            n = "{n}" if f"{before}{count}{after}" in units else "{n0}"
-            if n == "{n0}" and f"{before}0{after}" not in units:
-                continue
-            ours = f"joint_{n}_{unit.name if unit else 'deg'}"
-            return f"""; are they joints? [columns] of a map: "{ours}" = "{before}{n}{after}\""""
-    return ""
 
 
 def read_columns(path: Path, names: Names, arm: Arm) -> Columns:
@@ -391,8 +357,7 @@ def _compare_units(columns: Columns, again: Sequence[ReadColumn], arm: Arm) -> N
 
 def _none_known(table: TableCells, arm: Arm) -> UnknownColumns:
     """The error about a table of which no column is known."""
-    hint = numbered_joints(table.names, len(arm.file_joints)).removeprefix("; ")
-    hint = hint or "columns with other names, or a file without a header, need a map"
+    hint = "columns with other names, or a file without a header, need a map"
     wanted = some_of(joint.display_column for joint in arm.file_joints) if arm.joints else "mass_kg"
     got = ", ".join(table.names[:3])
     problem = f"no column name is known: expected {wanted}, got {got} ...; {hint}"
@@ -660,7 +625,7 @@ def read_conditions(columns: Columns, arm: Arm, *, needs_load: bool = True) -> R
     notes = [*load_notes, *(point_notes if wrench.any() else [])]
     ids: dict[str, Ids | None] = {}
     for what in (Slot("run"), Slot("pose"), Slot("station")):
-        column = columns.get(what)
+        column = columns.found.get(what)
         ids[what.what], said = (None, "") if column is None else identifiers(columns, column)
         notes += [said] * bool(said)
     pose, named = ids["pose"], ids["pose"] is not None
@@ -703,7 +668,7 @@ def _load_words(wrench: Array) -> str:
 
 def _refuse_unclear_states(columns: Columns) -> None:
     """Refuse states that are both "loaded" and "after": the load may be off again in the latter."""
-    state = columns.get(Slot("state"))
+    state = columns.found.get(Slot("state"))
     if state is None:
         return
     texts = {squeeze(text): text for text in columns.table.texts(state.index)}
@@ -715,7 +680,7 @@ def _refuse_unclear_states(columns: Columns) -> None:
 
 def _taken_off(columns: Columns) -> Mask | None:
     """Read the column of loading, (rows,); blank is a load put on."""
-    column = columns.get(Slot("loading"))
+    column = columns.found.get(Slot("loading"))
     if column is None:
         return None
     texts = columns.table.texts(column.index)
@@ -787,9 +752,7 @@ def number_rows(*parts: Array | Ids | Mask | None) -> Ids:
         own, more = np.unique(column, return_inverse=True)
         code = np.unique(code * len(own) + more.reshape(-1), return_inverse=True)[1].reshape(-1)
     _, first, code = np.unique(code, return_index=True, return_inverse=True)
-    place = np.empty(len(first), dtype=int)
-    place[np.argsort(first, kind="stable")] = np.arange(len(first))
-    return np.asarray(place[code.reshape(-1)])
+    return np.argsort(np.argsort(first))[code.reshape(-1)]
 
 
 def first_rows(code: Ids) -> Ids:
@@ -831,11 +794,9 @@ def _wrench(columns: Columns, *, needed: bool) -> tuple[Array, list[str]]:
     if not acts and hung is None:
         if not needed:
             return np.zeros((table.rows, 6)), ["no column gives a load, so only own weight is assumed"]
-        hint = "; for one load in the whole file, give --load, or mass_kg = 150 in [values] of a map; "
+        hint = "; for one load in the whole file, give --load, or mass_kg = 150 in [values] of a map; name "
+        hint += 'forces in world axes in [columns] of a map, as force_x = "Fx"; '
         hint += "absolute readings without a load are for `testbench calibrate`"
-        if own := [name for name in columns.ignored if looks_like(name, "loads")]:
-            hint = f"; {some_of(own)}: name forces in world axes in [columns] of a map, as "
-            hint += 'force_x = "Fx"; for a mass, give --load'
         raise columns.lack(["mass_kg (or force_x_N, force_y_N, force_z_N)"], hint)
     # A row states a mass or a force; the cells of the other may be blank.
     pulls, hangs = _given(columns, acting), _given(columns, [hung])
@@ -866,7 +827,7 @@ def _given(columns: Columns, sources: Sequence[ReadColumn | float | None]) -> Ma
 def _load(columns: Columns, own: ReadColumn | float | None, other: Mask) -> Array:
     """Read a component of the load, (rows,): zero in an unloaded row, and if blank beside another load."""
     values = columns.values(own) if isinstance(own, ReadColumn) else columns.values_of(own)
-    state = columns.get(Slot("state"))
+    state = columns.found.get(Slot("state"))
     idle = np.zeros(len(values), dtype=bool)
     if state is not None:
         words = columns.table.texts(state.index)
@@ -933,8 +894,7 @@ def joint_coordinates(columns: Columns, arm: Arm) -> Array:
         if own is None
     ]
     if missing:
-        hint = numbered_joints(columns.ignored, len(joints))
-        raise columns.lack(missing, hint and f"{hint}; testbench data check proposes a map")
+        raise columns.lack(missing)
     none = np.empty((columns.table.rows, 0))  # an arm may have no joints
     q = np.column_stack([none, *(columns.values_of(own) for own in found)])
     _check_limits(columns, joints, q)
@@ -966,7 +926,7 @@ def _check_limits(columns: Columns, joints: Sequence[ArmJoint], q: Array) -> Non
     if not len(bad):
         return
     i, k = bad[0]
-    joint, column = joints[k], columns.get(Slot("joint", int(k)))
+    joint, column = joints[k], columns.found.get(Slot("joint", int(k)))
     unit = column.unit if column else None
     name, scale = (unit.name, unit.scale) if unit else (joint.unit, 1.0)
     alike = [other.prismatic == joint.prismatic for other in joints]
@@ -986,7 +946,7 @@ def _other_columns(columns: Columns, joints: Sequence[ArmJoint], q: Array, k: in
     def within(some: Sequence[int], values: Array) -> bool:
         return bool(((values >= lower[some] - ROUNDED) & (values <= upper[some] + ROUNDED)).all())
 
-    own, *others = (columns.get(Slot("joint", m)) for m in [k, *range(len(joints))])
+    own, *others = (columns.found.get(Slot("joint", m)) for m in [k, *range(len(joints))])
     if own is None:
         return ""
     if within([k], -q[:, [k]]):

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -141,26 +142,26 @@ def orientation_columns(table: TableCells) -> Iterator[list[Entry]]:
         Lines of the map, one alternative after the other: units and orders that the names leave open.
     """
     names = {plain(name): k for k, name in reversed(list(enumerate(table.names)))}
+    columns, orders = next(_orientation_sets(names), ([], []))
+    quaternion = len(columns) == len("wxyz")
+    stated = quaternion or not columns or unit_of(table, columns[0])
+    for order, unit in product(orders, [""] if stated else ["_deg", "_rad"]):
+        key = "quaternion" if quaternion else "rotation"
+        both = zip(order, columns, strict=True)
+        yield [Entry("columns", f"{key}_{part}{unit}", table.names[k]) for part, k in both]
+
+
+def _orientation_sets(names: Mapping[str, int]) -> Iterator[tuple[list[int], list[str]]]:
+    """Whole sets of columns of orientations, and the orders in which their parts may be."""
     for parts, pattern in KNOWN_EXPORTS["orientations"].items():
-        found = _whole_set(names, re.compile(pattern), parts)
-        if found and len(parts) == len(XYZ):
-            yield from _three_angles(table, found, XYZ)
-            return
-        if found:
-            both = zip(parts, found, strict=True)
-            yield [Entry("columns", f"quaternion_{part}", table.names[k]) for part, k in both]
-            return
-    for words in KNOWN_EXPORTS["together"]["orientations"]:
-        columns = [names[word] for word in words.split() if word in names]
-        if len(columns) == len(words.split()) == len(XYZ):
-            yield from _three_angles(table, sorted(columns), "123")
-            return
-        if len(columns) == len(words.split()):
-            orders = ["wxyz"] if words == "w i j k" else ["wxyz", "xyzw"]
-            for order in orders:
-                both = zip(order, columns, strict=True)
-                yield [Entry("columns", f"quaternion_{part}", table.names[k]) for part, k in both]
-            return
+        if found := _whole_set(names, re.compile(pattern), parts):
+            yield found, [parts]
+    for words in map(str.split, KNOWN_EXPORTS["together"]["orientations"]):
+        found = [names[word] for word in words if word in names]
+        if len(found) == len(words):
+            angles = len(words) == len(XYZ)
+            quaternions = ["wxyz"] if words == ["w", "i", "j", "k"] else ["wxyz", "xyzw"]
+            yield (sorted(found), ["123"]) if angles else (found, quaternions)
 
 
 def _whole_set(names: Mapping[str, int], pattern: re.Pattern[str], parts: str) -> list[int]:
@@ -172,14 +173,6 @@ def _whole_set(names: Mapping[str, int], pattern: re.Pattern[str], parts: str) -
             sets.setdefault(rest, {})[match["part"]] = k
     whole = [[own[part] for part in parts] for own in sets.values() if {*own} == {*parts}]
     return min(whole, default=[])
-
-
-def _three_angles(table: TableCells, columns: Sequence[int], parts: Sequence[str]) -> Iterator[list[Entry]]:
-    """Three columns of angles, in degrees or radians where their names do not say it."""
-    units = ["", ""] if unit_of(table, columns[0]) else ["_deg", "_rad"]
-    for unit in dict.fromkeys(units):
-        both = zip(parts, columns, strict=True)
-        yield [Entry("columns", f"rotation_{part}{unit}", table.names[k]) for part, k in both]
 
 
 def _joints(table: TableCells, arm: Arm, angle: str) -> Iterator[Entry]:
@@ -292,20 +285,18 @@ def _with_states(table: TableCells, arm: Arm) -> tuple[dict[Place, list[int]], l
     for k, name in enumerate(table.names):
         if at := place(name) or by_number.get(name):
             found.setdefault(at, []).append(k)
-    if (hung := _one_load(table, place)) and not mass_columns(table):
-        mass, unit = hung
-        why = f"{mass} {unit} in a name marks a column of loaded readings; the others are unloaded"
-        return _by_one_load(table, place, found), [Entry("values", f"mass_{unit}", mass)], why
+    if (hung := _by_one_load(table, place, found)) and not mass_columns(table):
+        return hung
     numbers = {at.target for at in found if at.target.isdecimal() and not at.when}
-    if numbers and len(arm.markers) == 1 and (counted := _counted_states(found)):
-        return counted, [], COUNTED
-    if numbers and len(arm.markers) > 1 and _names_targets(table, arm):
+    several = len(arm.markers) > 1 and _names_targets(table, arm)
+    if numbers and (several or len(arm.markers) == 1):
         if counted := _counted_states(found):
             return counted, [], COUNTED
-        got = ", ".join(f"X{number}" for number in sorted(numbers))
-        problem = f"expected X0 and X1, or X0 and dX, beside the column that names the targets, got {got}"
-        hint = 'say which are unloaded and loaded in [columns] of a map, as before_x = "X1"'
-        raise table.header_error(f"{problem}; {hint}")
+        if several:
+            got = ", ".join(f"X{number}" for number in sorted(numbers))
+            problem = f"expected X0 and X1, or X0 and dX, beside the column that names the targets, got {got}"
+            hint = 'say which are unloaded and loaded in [columns] of a map, as before_x = "X1"'
+            raise table.header_error(f"{problem}; {hint}")
     if moved := _unloaded_and_moved(table, found):
         return moved, [], MOVED
     return found, [], "the numbers stand for the axes x, y, z" if by_number else ""
@@ -338,28 +329,24 @@ def _unloaded_and_moved(table: TableCells, found: Mapping[Place, list[int]]) -> 
     return {at: own for at, own in bare.items() if at._replace(when=DEFLECTION) in moved} | moved
 
 
-def _one_load(table: TableCells, place: Callable[[str], Place | None]) -> tuple[float, str] | None:
-    """The load that some names of positions state while others state none, with its unit; else None."""
-    masses = {
-        (float(own["number"].replace(",", ".")), own["unit"].casefold()[:2])
-        for name in table.names
-        if (own := MASS.search(name)) and place(MASS.sub(" ", name))
-    }
-    return masses.pop() if len(masses) == 1 else None
-
-
 def _by_one_load(
     table: TableCells, place: Callable[[str], Place | None], found: Mapping[Place, list[int]]
-) -> dict[Place, list[int]]:
-    """Columns as unloaded and loaded, if the names of the loaded ones have a load and the others none."""
-    loaded = {
-        at: [k]
+) -> tuple[dict[Place, list[int]], list[Entry], str] | None:
+    """Columns as unloaded and loaded, if some names of positions have the same load and the others none."""
+    stated = {
+        at: (k, float(own["number"].replace(",", ".")), own["unit"].casefold()[:2])
         for k, name in enumerate(table.names)
-        if (at := place(MASS.sub(" ", name))) and MASS.search(name)
+        if (own := MASS.search(name)) and (at := place(MASS.sub(" ", name)))
     }
-    both = {at: found[at] for at in loaded if at in found}
-    unloaded = {at._replace(when="before"): own for at, own in both.items()}
-    return unloaded | {at._replace(when="after"): loaded[at] for at in both}
+    loads = {(mass, unit) for _, mass, unit in stated.values()}
+    if len(loads) != 1:
+        return None
+    [(mass, unit)] = loads
+    both = [at for at in stated if at in found]
+    columns = {at._replace(when="before"): found[at] for at in both}
+    columns |= {at._replace(when="after"): [stated[at][0]] for at in both}
+    why = f"{mass} {unit} in a name marks a column of loaded readings; the others are unloaded"
+    return columns, [Entry("values", f"mass_{unit}", mass)], why
 
 
 def _names_targets(table: TableCells, arm: Arm) -> bool:

@@ -1,10 +1,9 @@
 """Layouts: how known exports and logs are written, as one TOML file each in testbench/layouts."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import islice
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -202,9 +201,15 @@ def every_fitting(path: Path, arm: Arm) -> list[Fitting]:
     places = [k for k in places if len(lines[k]) <= WIDEST]
     marks = ("\t",) if how.startswith(SHEET) else DELIMITERS
     divided = [_Divided(mark, [_row(lines[k], k, mark) for k in places], lines) for mark in marks]
-    fittings = []
+    fittings = list[Fitting]()
     for name, layout in known_layouts().items():
-        fittings += list(islice(_tables(name, layout, divided, arm), 1))
+        find = _with_header if layout.fits.header else _without_header
+        for own in divided:
+            if layout.file.delimiter in (None, own.mark) or len(divided) == 1:
+                file = layout.file.model_copy(update={"delimiter": own.mark})
+                if found := find(Fitting(name, layout, file), own, arm):
+                    fittings.append(found)
+                    break
     fits = [own.layout.fits for own in fittings]
     return [own for own in fittings if not any(_says_less(own.layout.fits, other) for other in fits)]
 
@@ -227,35 +232,26 @@ def _says_less(fits: Fits, other: Fits) -> bool:
     return bool(fits.header and other.header) and own < more
 
 
-def _tables(name: str, layout: ExportLayout, divided: Sequence[_Divided], arm: Arm) -> Iterator[Fitting]:
-    """Where the table of a layout may begin, and what is between its cells."""
-    find = _with_header if layout.fits.header else _without_header
-    for own in divided:
-        if layout.file.delimiter in (None, own.mark) or len(divided) == 1:
-            file = layout.file.model_copy(update={"delimiter": own.mark})
-            yield from find(Fitting(name, layout, file), own, arm)
-
-
-def _without_header(fits: Fitting, divided: _Divided, arm: Arm) -> list[Fitting]:
-    """The table of a layout whose rows have cells of certain kinds; none where they have not."""
+def _without_header(fits: Fitting, divided: _Divided, arm: Arm) -> Fitting | None:
+    """The table of a layout whose rows have cells of certain kinds; None where they have not."""
     above = tuple(divided.lines[row.line] for row in divided.rows if row.comment)
     rows = [row.cells for row in divided.rows if not row.comment][:LOOKED_AT]
     names = _columns_of(fits.layout, rows, len(arm.file_joints)) if _says(fits.layout, above) else []
     file = fits.file.model_copy(update={"names": names})
-    return [replace(fits, file=file, above=above)] if names else []
+    return replace(fits, file=file, above=above) if names else None
 
 
-def _with_header(fits: Fitting, divided: _Divided, arm: Arm) -> list[Fitting]:
-    """The table of a layout whose header has certain names; none where no line has them."""
+def _with_header(fits: Fitting, divided: _Divided, arm: Arm) -> Fitting | None:
+    """The table of a layout whose header has certain names; None where no line has them."""
     wanted = {squeeze(own) for one in fits.layout.fits.header for own in _spelled(one, arm)}
     header = next((row for row in divided.rows if wanted <= row.names), None)
     if header is None or not _says(fits.layout, above := divided.before(header.line)):
-        return []
+        return None
     below = next((row for row in divided.rows if row.line > header.line), header)
     if not divided.mark.strip(" ") and len(below.cells) != len(header.cells):
-        return []  # blanks stand within names too
+        return None  # blanks stand within names too
     found = replace(fits, file=fits.file.model_copy(update={"skip": header.line}), above=above)
-    return _with_targets(found, header, divided, arm) if fits.layout.targets else [found]
+    return _with_targets(found, header, divided, arm) if fits.layout.targets else found
 
 
 def _says(layout: ExportLayout, above: Sequence[str]) -> bool:
@@ -316,7 +312,7 @@ def _of_kinds(cells: Sequence[str], kinds: Sequence[str]) -> bool:
     return all(kind == "any" or (cell and number == (kind == "number")) for kind, number, cell in pairs)
 
 
-def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> list[Fitting]:
+def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> Fitting | None:
     """Name the columns of axes by their targets, which stand in a line above, as motion capture writes them.
 
     Args:
@@ -326,7 +322,7 @@ def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> 
         arm: The arm that was measured.
 
     Returns:
-        The same with names as "P1 X [mm]"; none if no line says whose the axes are.
+        The same with names as "P1 X [mm]"; None if no line says whose the axes are.
     """
     mark = divided.mark
     lines = [divided.lines[row.line] for row in divided.rows if row.line >= header.line]
@@ -338,7 +334,7 @@ def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> 
         other = {k for row in rows for k, word in enumerate(row) if words.fullmatch(plain(word))}
         labels = labels or _labels(found, rows, {k: axis for k, axis in axes.items() if k not in other}, arm)
     if not labels:
-        return []
+        return None
     below = next((row.line for row in divided.rows if row.line > header.line), header.line)
     units = units_in(divided.lines[below], mark, len(names))
     length = stated_length_unit(found.above)
@@ -361,7 +357,7 @@ def _with_targets(found: Fitting, header: _Row, divided: _Divided, arm: Arm) -> 
 
     whole = [called(k, name) for k, name in enumerate(names)]
     file = found.file.model_copy(update={"names": whole, "skip": 1 + (below if units else header.line)})
-    return [replace(found, file=file)]
+    return replace(found, file=file)
 
 
 def _labels(

@@ -299,19 +299,25 @@ def read_map(
     ours = quantities(arm)
     others = series_names(arm) if quantities is our_names else {}  # one map reads a file either way
     where = path or Path()
-    words, ignored, lost = _words(where, found, arm)
+    words, ignored, lost_words = _words(where, found, arm)
     choices = placeholders(arm, words)
     said = {name: (name,) for name in arm.markers} | STATES
+    if unknown := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
+        keys = ", ".join({**found.columns, **found.optional}) or "none"
+        raise InputError(
+            where, f"scale.{unknown[0]}", f"expected a key of columns or optional, which are {keys}"
+        )
+    theirs, stacked = _columns(where, found, ours, others, choices)
     return Names(
         path=path,
         ours=ours,
-        theirs=_columns(where, found, ours, others, choices),
+        theirs=theirs,
         words={squeeze(word): key for key, own in said.items() for word in (*own, *words.get(key, ()))},
         ignored=frozenset(map(squeeze, ignored)),
         values=_values(where, found, ours),
         cells={header: tuple(patterns) for header, patterns in found.cells.items()},
-        stacked=_stacked(where, found, ours, choices),
-        lost=dict.fromkeys(lost, ""),
+        stacked=stacked,
+        lost=dict.fromkeys(lost_words, ""),
         loads={word: key for key, own in words.items() if is_decimal(key) for word in own},
         markers=arm.markers,
         slides=frozenset(k for k, joint in enumerate(arm.file_joints) if joint.prismatic),
@@ -369,26 +375,30 @@ def _columns(
     ours: Mapping[str, Slot],
     others: Mapping[str, Slot],
     choices: Mapping[str, list[tuple[str, Words]]],
-) -> dict[str, Named]:
-    """The columns that a map names, but for those of other quantities, which this kind of file has not."""
-    if lost := [key for key in found.scale if key not in {**found.columns, **found.optional}]:
-        keys = ", ".join({**found.columns, **found.optional}) or "none"
-        raise InputError(path, f"scale.{lost[0]}", f"expected a key of columns or optional, which are {keys}")
+) -> tuple[dict[str, Named], tuple[str, ...]]:
+    """The columns that a map names, but for those of other quantities, which this kind of file has not.
+
+    Returns:
+        Their meanings, by squeezed name; and the names with a place of a load, a target or a direction.
+    """
     named: dict[str, Named] = {}
     alone: set[Slot] = set()
+    stacked = dict[str, None]()
     both = [(key, names, "columns") for key, names in found.columns.items()]
     both += [(key, names, "optional") for key, names in found.optional.items()]
     for key, names, section in sorted(both, key=lambda item: "{" in item[0]):  # patterns say less
+        place = f"{section}.{key}"
         for name in names:
             sign, plain = (-1.0, name[1:]) if name.startswith("-") else (1.0, name)
             for our, their in expand(key, plain, choices):
                 known = recognise(our, ours)
-                their = without_holes(their) if _may_have_holes(known, their) else their
+                if _has_holes(path, place, known, their):
+                    stacked[their] = None
+                    their = without_holes(their)
                 if known is None and "{" not in their and recognise(our, others):
                     continue
                 if known is None or "{" in their:
-                    problem = _unknown(our, their, name, choices)
-                    raise InputError(path, f"{section}.{key}", problem)
+                    raise InputError(path, place, _unknown(our, their, name, choices))
                 if "{" in key and known[0] in alone:
                     continue
                 times = sign * found.scale.get(key, 1.0)
@@ -396,37 +406,22 @@ def _columns(
                 if "{" not in key:
                     alone.add(known[0])
                 if named.setdefault(squeeze(their), new) != new:
-                    raise InputError(
-                        path, f"{section}.{key}", f"the name {their!r} stands for two quantities"
-                    )
-    return named
+                    raise InputError(path, place, f"the name {their!r} stands for two quantities")
+    return named, tuple(stacked)
 
 
-def _may_have_holes(known: tuple[Slot, Unit | None] | None, name: str) -> bool:
-    """Whether the pattern of a name may have these places: those of targets and directions are for gauges."""
+def _has_holes(path: Path, place: str, known: tuple[Slot, Unit | None] | None, name: str) -> bool:
+    """Whether a name has places of a load, a target or a direction; these two are for gauges alone."""
+    holes = HOLE.findall(name)
     of_gauge = known is not None and known[0].what == "travel"
-    return of_gauge or {*HOLE.findall(name)}.isdisjoint({"marker", "direction"})
-
-
-def _stacked(
-    path: Path, found: Map, ours: Mapping[str, Slot], choices: Mapping[str, list[tuple[str, Words]]]
-) -> tuple[str, ...]:
-    """The names of columns that differ in a load, a target or a direction, with its place in them."""
-    if several := [key for key, name in found.optional.items() if HOLE.search(" ".join(name))]:
-        problem = "the placeholder of a load is allowed only in [columns]"
-        raise InputError(path, f"optional.{several[0]}", problem)
-    patterns = list[str]()
-    for key, names in found.columns.items():
-        for name in names:
-            for our, their in expand(key, name.removeprefix("-"), choices):
-                holes = HOLE.findall(their)
-                if len({*holes}) < len(holes) or sum(hole.startswith("mass_") for hole in holes) > 1:
-                    problem = (
-                        f"expected each placeholder of a load, a target or a direction once, got {name!r}"
-                    )
-                    raise InputError(path, f"columns.{key}", problem)
-                patterns += [their] * bool(holes and _may_have_holes(recognise(our, ours), their))
-    return tuple(patterns)
+    if not holes or not (of_gauge or {*holes}.isdisjoint({"marker", "direction"})):
+        return False
+    if place.startswith("optional"):
+        raise InputError(path, place, "the placeholder of a load is allowed only in [columns]")
+    if len({*holes}) < len(holes) or sum(hole.startswith("mass_") for hole in holes) > 1:
+        problem = f"expected each placeholder of a load, a target or a direction once, got {name!r}"
+        raise InputError(path, place, problem)
+    return True
 
 
 def _values(path: Path, found: Map, ours: Mapping[str, Slot]) -> dict[Slot, tuple[float, Unit]]:

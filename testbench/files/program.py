@@ -17,13 +17,13 @@ from testbench.display import Displayed
 from testbench.errors import Array, Ids, InputError, Mask, check_type, some_of
 from testbench.files.beside import read_rotations
 from testbench.files.columns import (
+    JOINTS_BY_MAP,
     ROUNDED,
     SAME_POSE,
     Columns,
     ReadColumn,
     find_columns,
     joint_coordinates,
-    numbered_joints,
     read_columns,
     vector,
     wrench,
@@ -384,7 +384,7 @@ class Program(Displayed):
         """Return the column of every file joint; None for a joint without one."""
         if not isinstance(self.content, Columns):
             return [None] * len(self.arm.file_joints)
-        return [self.content.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
+        return [self.content.found.get(Slot("joint", k)) for k in range(len(self.arm.file_joints))]
 
     @property
     def other(self) -> tuple[str, ...]:
@@ -475,7 +475,7 @@ def read_program(
     table, rows = columns.table, columns.table.rows
     if not 1 <= rows <= MAX_POINTS:
         raise table.error(min(rows, MAX_POINTS), "", f"expected 1 to {MAX_POINTS} points, got {rows}")
-    q, (position, rotation) = _joints(columns, arm), _poses(columns, len(arm.file_joints))
+    q, (position, rotation) = _joints(columns, arm), _poses(columns)
     if q is not None and not jumps:
         refuse_joint_jumps(path, arm, table.lines, q)
     if position is not None and rotation is not None and not jumps:
@@ -615,10 +615,10 @@ def _joints(columns: Columns, arm: Arm) -> Array | None:
         return None
     missing = [joint.display_column for joint in arm.file_joints]
     hint = "; or x_mm, y_mm, z_mm and an orientation of the tool"
-    raise columns.lack(missing, hint + numbered_joints(columns.ignored, len(missing)))
+    raise columns.lack(missing, hint + JOINTS_BY_MAP)
 
 
-def _poses(columns: Columns, joints: int) -> tuple[Array, Array] | tuple[None, None]:
+def _poses(columns: Columns) -> tuple[Array, Array] | tuple[None, None]:
     """Read positions and orientations of the tool; None if the table has only joints."""
     rotation = read_rotations(columns)
     found = columns.complete_set(wanted := columns_of("set_point"))
@@ -631,7 +631,7 @@ def _poses(columns: Columns, joints: int) -> tuple[Array, Array] | tuple[None, N
             "rotation_1_deg ... in [columns] of a map for three angles, with their order in [series] rotation"
         )
         hint = f"; or rotation_x_deg ... of a rotation vector, rotation_11 ..., or {angles}"
-        raise columns.lack(list(columns_of("quaternion")), hint + numbered_joints(columns.ignored, joints))
+        raise columns.lack(list(columns_of("quaternion")), hint + JOINTS_BY_MAP)
     name, blank = columns.all_of(*ROTATIONS)[0].name, np.isnan(rotation[:, 0, 0])
     columns.table.refuse(blank, name, "expected an orientation at every point, got ''")
     position = vector(columns, "set_point")
@@ -640,7 +640,7 @@ def _poses(columns: Columns, joints: int) -> tuple[Array, Array] | tuple[None, N
 
 
 def _labels(columns: Columns) -> tuple[str, ...]:
-    column = columns.get(Slot("label"))
+    column = columns.found.get(Slot("label"))
     if column is None:
         return tuple(map(str, range(1, columns.table.rows + 1)))
     return tuple(columns.table.texts(column.index))

@@ -46,7 +46,6 @@ from testbench.files.names import (
     columns_of,
     number_of,
     plain,
-    split_unit,
     squeeze,
 )
 from testbench.files.rearranged import clock
@@ -127,7 +126,7 @@ def _read_sigma(
     slot = Slot("sigma", index)
     name = ("sigma_m", "sigma_rad")[index]
     table = columns.table
-    column = columns.get(slot)
+    column = columns.found.get(slot)
     stated = columns.constant(slot)
     low, high = SIGMA_RANGE
     if column is not None:
@@ -244,7 +243,7 @@ def markers_only(columns: Columns) -> tuple[Columns, list[str]]:
     Raises:
         InputError: When the table has no row.
     """
-    table, column = columns.table, columns.get(Slot("marker"))
+    table, column = columns.table, columns.found.get(Slot("marker"))
     if not table.rows:
         raise table.error(0, "", "expected at least one row")
     if column is None or not columns.names.ignored:
@@ -319,7 +318,7 @@ def read_distances(columns: Columns, arm: Arm, loaded: Mask) -> FileReadings:
     Raises:
         InputError: Names line and column.
     """
-    column = columns.get(Slot("distance"))
+    column = columns.found.get(Slot("distance"))
     if column is None:
         raise columns.lack(["distance_m"], "; absolute readings have one distance per row, loaded or not")
     distance, names = columns.values(column), _markers(columns, arm)
@@ -354,7 +353,7 @@ def _blocks(columns: Columns) -> dict[tuple[str, str], list[ReadColumn]]:
 
 def _markers(columns: Columns, arm: Arm) -> list[str]:
     """Read the marker of every row."""
-    column, table = columns.get(Slot("marker")), columns.table
+    column, table = columns.found.get(Slot("marker")), columns.table
     if column is None:
         if len(arm.markers) == 1:
             return [arm.markers[0]] * table.rows
@@ -367,7 +366,7 @@ def _markers(columns: Columns, arm: Arm) -> list[str]:
 
 def _states(columns: Columns, loaded: Mask) -> Mask:
     """Find the loaded rows, (rows,)."""
-    column = columns.get(Slot("state"))
+    column = columns.found.get(Slot("state"))
     if column is None:
         return loaded
     have = ", ".join(word for words in STATES.values() for word in words)
@@ -496,14 +495,8 @@ def untold_readings(columns: Columns) -> list[str]:
         loads = columns.all_of("state", "mass", "force")
         if any(len({*table.texts(c.index)}) > 1 for c in loads):
             return [f"warning: readings of one point differ in {name} ({few}), which is not read"]
-        unit = table.units[k] or (split_unit(name) or ("", None))[1]
-        force = unit is not None and unit.si == "N"
-        what = (
-            f'force_z = "{name}", or "-{name}" of weights'
-            if force
-            else f'mass_kg, state or marker = "{name}"'
-        )
-        hint = f"{what}; or, if rows are repeated readings, write average = true in [file]"
+        hint = f'mass_kg, force_z, state or marker = "{name}"'
+        hint += "; or, if rows are repeated readings, write average = true in [file]"
         problem = f"readings of one point differ only in this column ({few}), which is not read"
         raise table.header_error(f"{problem}; state what it is in [columns] of a map, as {hint}", name)
     return []
@@ -880,20 +873,22 @@ def _with_lines(
     # Of rows of one state, those of the loaded readings hold the conditions of their run.
     some, lost = np.isin(runs.leader, runs.row), ~data.is_measured
     at = np.searchsorted(runs.row, runs.leader[some]), read.marker[: len(some)][some]
-    placed = place_lines(select_rows(lines, some), arm, data.markers, data.q, at)
-    own, along = (
-        np.full(lost.shape, data.sigma),
-        np.asarray(placed.line_direction.any(axis=2) & ~lost)[..., None],
-    )
+    direction, tilt, reach = place_lines(select_rows(lines, some), arm, data.markers, data.q, at)
+    own, along = np.full(lost.shape, data.sigma), np.asarray(direction.any(axis=2) & ~lost)[..., None]
     own[at] = sigma[some]
     P = np.eye(3) / (2 * own[..., None, None] ** 2) * ~lost[..., None, None]
     P = P if covariances is None else covariances
-    meter = placed.line_length[..., None] > 0  # read along the x axis before its direction was known
-    before, after = (
-        np.where(meter, x[..., :1] * placed.line_direction, x) for x in (data.before, data.after)
+    meter = reach[..., None] > 0  # read along the x axis before its direction was known
+    before, after = (np.where(meter, x[..., :1] * direction, x) for x in (data.before, data.after))
+    return replace(
+        data,
+        before=before,
+        after=after,
+        precision=np.where(along[..., None], line_precision(direction, own), P),
+        line_direction=direction,
+        line_direction_deviation=tilt,
+        line_length=reach,
     )
-    P = np.where(along[..., None], line_precision(placed.line_direction, own), P)
-    return replace(data, before=before, after=after, precision=P, **vars(placed))
 
 
 def _check_once(columns: Columns, conditions: RowConditions, runs: Paired, read: FileReadings) -> None:
@@ -914,7 +909,7 @@ def _check_once(columns: Columns, conditions: RowConditions, runs: Paired, read:
 
 def _of_the_file(columns: Columns, index: int, values: Array) -> float:
     """Return one standard deviation of positions (0) or orientations (1) of a file, from (rows,) [m, rad]."""
-    if column := columns.get(Slot("sigma", index)):
+    if column := columns.found.get(Slot("sigma", index)):
         columns.table.refuse(values != values[0], column.name, "expected one value in the whole file")
     return float(values[0])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Series, select_rows, series_from_runs
-from testbench.errors import Array, Ids, check_type, stem_of
+from testbench.errors import Array, Ids, check_type, some_of, stem_of
 from testbench.files.beside import (
     MIN_POSES,
     NOTATIONS,
@@ -61,7 +61,6 @@ APART = 0.02
 """Distance of two readings of one target in one pose beyond which they are of two targets [m]."""
 TURNED_APART = 1e-6
 """Difference of two orientations up to which they count as equal [1]."""
-MAX_LISTED_LINES = 5  #: Most lines that a note lists.
 SERIES_QUANTITIES: tuple[What, ...] = ("time", "temperature", "torque", *ROTATIONS)
 """Quantities of absolute readings that pairs do not have."""
 Point = tuple[float, ...] | None
@@ -77,7 +76,6 @@ class SeriesExport:
     series: tuple[Series, ...]  #: One series for every station that the file names.
     columns: Columns  #: Meaning of its columns.
     notes: tuple[str, ...]  #: Assumptions, omissions and numbering.
-    lost: Ids  #: Lines of rows without a reading, which are left out.
     fit: OrientationFit | None = None  #: The fitted notation of angles, where nothing states it.
 
 
@@ -109,14 +107,7 @@ def read_series(
     mapping = Path(mapping) if isinstance(mapping, str) else mapping
     names = replace(read_map(mapping, arm, series_names), load=load)
     arm = replace(arm, markers=names.markers)
-    series_export = _series_of_columns(read_columns(path, names, arm), arm, sigma)
-    if not len(series_export.lost):
-        return series_export
-    places = ", ".join(map(str, series_export.lost[:MAX_LISTED_LINES].tolist())) + ", ..." * (
-        len(series_export.lost) > MAX_LISTED_LINES
-    )
-    lost = f"rows without a reading are left out: {len(series_export.lost)} (line {places})"
-    return replace(series_export, notes=(*series_export.notes, lost))
+    return _series_of_columns(read_columns(path, names, arm), arm, sigma)
 
 
 def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
@@ -128,13 +119,13 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     columns, notes = markers_only(columns)
     columns, shots = average_shots(columns)
     # A file without loads is of unloaded readings, unless a column states loaded ones.
-    state = columns.get(Slot("state"))
+    state = columns.found.get(Slot("state"))
     words = set() if state is None else set(columns.table.texts(state.index))
     loaded = any(columns.names.word(word, WHEN) == "after" for word in words)
     conditions = read_conditions(columns, arm, needs_load=loaded)
     notes += untold_readings(columns)
     # Without a column of markers all readings are of one target.
-    alone = len(arm.markers) > 1 and columns.get(Slot("marker")) is None
+    alone = len(arm.markers) > 1 and columns.found.get(Slot("marker")) is None
     alone = alone and not any(c.slot.marker for c in columns.all_of("reading"))
     if alone:
         arm = replace(arm, markers=(ALONE,))
@@ -145,7 +136,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     # One series of all rows, then one per station.
     scatter = read_scatter(columns, sigma)
     fit = _fitted_notation(columns, arm, conditions, read)
-    whole, first, lost, more = _assembled(columns, arm, (conditions, read, scatter), fit)
+    whole, first, more = _assembled(columns, arm, (conditions, read, scatter), fit)
     fixed = read_fixed_points(columns) if meters else None
     aside = [] if meters else [c.name for c in columns.all_of("distance", "fixed")]
     notes += [f"warning: these columns are not read beside positions: {', '.join(aside)}"] * bool(aside)
@@ -154,7 +145,7 @@ def _series_of_columns(columns: Columns, arm: Arm, sigma: float | None) -> Serie
     if columns.names.map.frame == "base":
         notes.append("the map says that readings are in the base's frame, but the frame is fitted anyway")
     parts = _parted(columns, whole, first, scatter, fixed)
-    return SeriesExport(parts, columns, tuple(notes), lost, fit)
+    return SeriesExport(parts, columns, tuple(notes), fit)
 
 
 def _of_distances(columns: Columns) -> bool:
@@ -179,7 +170,7 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     unread = [c.name for c in columns.all_of(*SERIES_QUANTITIES) if not c.slot.when]
     warning = f"warning: these columns are not read beside pairs: {', '.join(unread)}"
     notes = (*export.notes, *[warning] * bool(unread), "a run is two readings, unloaded and loaded")
-    return SeriesExport(series, columns, notes, np.array([], dtype=int))
+    return SeriesExport(series, columns, notes)
 
 
 def _check_alone(columns: Columns, conditions: RowConditions, read: FileReadings) -> None:
@@ -196,12 +187,11 @@ def _assembled(
     arm: Arm,
     rows: tuple[RowConditions, FileReadings, Scatter],
     fit: OrientationFit | None,
-) -> tuple[Series, Ids, Ids, list[str]]:
+) -> tuple[Series, Ids, list[str]]:
     """Convert all rows of a file to one series without a name, each with a covariance.
 
     Returns:
-        The series, the first row of the table of each of its rows, the lines without a reading, and notes on
-        unread columns.
+        The series, the first row of the table of each of its rows, and notes on unread columns and rows.
 
     Raises:
         InputError: Names line and column.
@@ -249,7 +239,10 @@ def _assembled(
         [f"the angles are {fit.notation}, the only notation that fits the nominal arm: {fit}"] if fit else []
     )
     notes = [*turned, *warm, *timed]
-    return select_rows(whole, there), first[there], table.lines[first[~there]], notes
+    if not there.all():
+        lines = some_of(table.lines[first[~there]])
+        notes.append(f"rows without a reading are left out: {(~there).sum()} (line {lines})")
+    return select_rows(whole, there), first[there], notes
 
 
 def _fitted_notation(
@@ -387,7 +380,7 @@ def _number_of(point: Point, every: Sequence[Point]) -> str:
 
 def _texts(columns: Columns, what: What, first: Ids) -> list[str]:
     """Read the text of a column in some rows; empty without such a column."""
-    column = columns.get(Slot(what))
+    column = columns.found.get(Slot(what))
     if column is None:
         return [""] * len(first)
     texts = columns.table.texts(column.index)

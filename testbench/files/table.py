@@ -87,12 +87,10 @@ class TableCells:
     names: tuple[str, ...]  #: Names of the columns in the file.
     units: tuple[Unit | None, ...]  #: Units of the columns, from a line of units below the header.
     header: int  #: Line of the header in the file.
-    delimiter: str  #: Delimiter of the cells; blanks stand for runs of at least as many.
     lines: Ids  #: Line of every row in the file, (rows,).
     notes: tuple[str, ...]  #: How the file was read.
     decimal: str | None  #: The decimal mark; None to find it in the cells.
     sheet: str  #: Name of the sheet, in which a blank cell may be an error; "" of a text file.
-    head: int  #: Lines of the header.
     transposed: bool  #: Whether lines here are columns of the file.
     #: Of every column: texts, or numbers that were computed.
     cells: Sequence["pa.Array"] = field(repr=False)
@@ -605,12 +603,10 @@ def table_of(
         names=(*names, *[SECTION] * layout.sections),
         units=(*(unit for _, unit in behind), *[None] * layout.sections),
         header=header.line,
-        delimiter=header.delimiter,
         lines=np.array(header.body, dtype=int) + 1,
         notes=_notes(encoding, header),
         decimal=layout.decimal,
         sheet=encoding.removeprefix(SHEET) if encoding.startswith(SHEET) else "",
-        head=layout.header,
         transposed=layout.transposed,
         cells=[*(own for own, _ in behind), *sections],
     )

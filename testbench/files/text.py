@@ -194,8 +194,12 @@ LOOKED_AT = 100_000  #: First bytes by which an encoding is guessed.
 HEADER_LETTERS = 5000  #: First letters whose words tell an encoding.
 NO_TABLES = {"JSON": r"\s*(\{\s*[\"}]|\[\s*\{)", "XML or HTML": r"\s*<[?!a-zA-Z]", "a PDF": "%PDF"}
 """Files that people take for tables, by their beginning."""
-GZIP = b"\x1f\x8b"
-PICTURES = b"\x89PNG", b"\xff\xd8\xff"  #: First bytes of PNG and JPEG.
+NO_TEXT = {
+    b"\x1f\x8b": "a gzip file; unpack it first",
+    b"\x89PNG": "a picture",
+    b"\xff\xd8\xff": "a picture",
+}
+"""Files that are no text, by their first bytes."""
 MINUS = "\u2212"  #: The sign of typesetters, which is read as a hyphen.
 ROW_NAME = re.compile(r'\s*"\d+"')  #: Number of a row, which R writes in quotes and without a name.
 COMMENTS = ("#", "//")
@@ -228,10 +232,8 @@ def read_letters(path: Path, encoding: str | None, mark: str) -> tuple[str, str]
     content = read_bytes(path, MAX_BYTES)
     if content.startswith(WORKBOOKS):
         return sheet_text(path, content, mark)
-    if content.startswith(GZIP):
-        raise InputError(path, "", "expected text, got a gzip file; unpack it first")
-    if content.startswith(PICTURES):
-        raise InputError(path, "", "expected a table, got a picture")
+    if what := next((what for begins, what in NO_TEXT.items() if content.startswith(begins)), ""):
+        raise InputError(path, "", f"expected a table, got {what}")
     found = next((mark for mark in MARKS if content.startswith(mark)), b"")
     stated = MARKS.get(found, encoding)
     name = stated or _guessed_encoding(content)
@@ -613,7 +615,11 @@ def filled_right(cells: Sequence[str], count: int) -> list[str]:
     Returns:
         A text for every column.
     """
-    return list(accumulate([*cells, *[""] * count][:count], lambda left, own: own or left))
+    return list(accumulate([*cells, *[""] * count][:count], _kept))
+
+
+def _kept(left: str, own: str) -> str:
+    return own or left
 
 
 def _full(cells: Sequence[str], count: int) -> bool:
@@ -664,11 +670,9 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
             while len(cells) > count and not cells[-1].strip():
                 cells.pop()
             if len(cells) != count:
-                hint = "; for a line after the table, write footer = 1 in [file] of a map"
-                hint *= k == header.body[-1]
-                if not hint and _title(lines[k], header.delimiter, count):
-                    hint = "; if such lines name the rows below, write sections = true in [file] of a map"
-                problem = f"expected {count} fields, got {len(cells)}{hint}"
+                hint = "in [file] of a map, write footer = 1 for a line after the table; "
+                hint += "if such lines name the rows below, write sections = true"
+                problem = f"expected {count} fields, got {len(cells)}; {hint}"
                 raise UnevenRows(path, f"line {k + 1}", problem)
             line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
         rows.append(line)

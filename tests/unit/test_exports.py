@@ -152,20 +152,6 @@ def test_a_lost_target_needs_no_covariances(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "line"),
-    [
-        ("names_of_points", '"joint_{n}_deg" = "J{n}"'),
-        ("joints_from_0", '"joint_{n0}_deg" = "J{n0}"'),
-    ],
-)
-def test_a_line_for_numbered_joints_is_offered(tmp_path, name, line):
-    known = export_of(name)[1].read_text("utf-8").splitlines()
-    text = "\n".join(own for own in known if "joint" not in own)
-    with pytest.raises(InputError, match=re.escape(f"are they joints? [columns] of a map: {line}")):
-        read(tmp_path, name, lines_of(name), text)
-
-
 def test_a_map_may_name_some_columns_and_leave_the_others_to_our_names(tmp_path):
     """Parts of our names stand in any order; of two that say the same the map's is read."""
     content = (

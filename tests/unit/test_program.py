@@ -115,7 +115,7 @@ WRONG = {
     f"{JUMP} the tool by 1.5 m": (POSES, [POSE, [POSE[0], 1500, *POSE[2:]]]),
     f"{JUMP} the tool by 90 deg": (POSES, [POSE, [*POSE[:3], 0.70710678, 0.70710678, 0, 0]]),
     r"missing columns: quaternion_w": (PLACE, [POSE[:3]]),
-    r"are they joints\? .* \"joint_\{n\}_deg\" = \"A\{n\}": (
+    r"joints with other names go into \[columns\] of a map, as \"joint_\{n\}_deg\" = \"A\{n\}": (
         f"{PLACE},{','.join(f'A{k}' for k in range(1, 7))}",
         [[*POSE[:3], *[0] * 6]],
     ),
