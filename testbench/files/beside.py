@@ -300,19 +300,17 @@ def read_lines(columns: Columns, loaded: Mask) -> FileLines | None:
     if one_state := columns.found.get(Slot("travel")):
         values = columns.values(one_state)
         travel = np.array([np.where(loaded == state, values, np.nan) for state in (False, True)])
-    (fixed, _), (direction, axes) = _triple(columns, "fixed"), _triple(columns, "direction")
     # What a row is: the one of the two kinds whose direction or fixed point it states.
-    gauge, meter = (np.asarray(np.isfinite(own).all(axis=1)) for own in (direction, fixed))
-    table.refuse(gauge & meter, axes[0] if axes else "", "expected a direction or a fixed point, got both")
+    (fixed, name), (direction, gauge) = _triple(columns, "fixed"), _directions(columns)
+    meter = np.asarray(np.isfinite(fixed).all(axis=1))
+    table.refuse(gauge & meter, name, "expected a direction or a fixed point, got both")
     for read, own, what in (
         (travel, gauge, "direction_x, _y and _z"),
         (distance, meter, "fixed_x, _y and _z"),
     ):
         stray = np.asarray(np.isfinite(read).any(axis=0) & ~own)
         table.refuse(stray, "", f"expected {what} of this reading")
-    length = np.linalg.norm(np.where(gauge[:, None], direction, 1.0), axis=1)
-    table.refuse(np.asarray(length == 0), axes[0] if axes else "", "expected a direction, got 0, 0, 0")
-    direction = np.where(gauge[:, None], direction / np.maximum(length, 1e-300)[:, None], (1.0, 0.0, 0.0))
+    direction = np.where(gauge[:, None], direction, (1.0, 0.0, 0.0))
     far = np.asarray((np.abs(travel) > FAR).any(axis=0) & gauge)
     everywhere = np.linalg.matrix_rank(direction[gauge]) == len(XYZ)
     problem = "expected travels of gauges, got readings as large as positions, along x, y and z"
@@ -358,18 +356,15 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
         InputError: If a row has none, an uncertainty is absurd, or a distance is not positive.
     """
     table = columns.table
-    fixed, names = _triple(columns, "fixed")
-    if not names:
+    fixed, name = _triple(columns, "fixed")
+    if not name:
         raise columns.lack([*columns_of("fixed")])
     blank = np.asarray(np.isnan(fixed).any(axis=1))
-    table.refuse(blank, names[0], "expected the fixed point of this distance, got ''")
+    table.refuse(blank, name, "expected the fixed point of this distance, got ''")
     notes = list[str]()
     sigma = _deviation(columns, "fixed_sigma", ~blank, (NOMINAL_FIXED_POINT_DEVIATION, MAX_FIXED), notes)
     # A row with a direction is of a plane.
-    direction, axes = _triple(columns, "direction")
-    plane = np.asarray(np.isfinite(direction).all(axis=1))
-    length = np.linalg.norm(direction, axis=1)
-    table.refuse(np.asarray(length == 0), axes[0] if axes else "", "expected the plane's normal, got 0, 0, 0")
+    normal, plane = _directions(columns)
     tilt = _deviation(columns, "tilt", plane, (NOMINAL_NORMAL_DEVIATION, MAX_TILT), notes)
     zero = np.zeros(table.rows)
     if columns.source_of(Slot("zero_sigma")) is not None:
@@ -385,7 +380,7 @@ def read_fixed_points(columns: Columns) -> FixedPoints:
     return FixedPoints(
         place=fixed,
         sigma=np.maximum(sigma, NOMINAL_FIXED_POINT_DEVIATION),
-        normal=direction / length[:, None],
+        normal=normal,
         tilt=np.maximum(tilt, NOMINAL_NORMAL_DEVIATION),
         zero_sigma=zero,
         notes=tuple(notes),
@@ -404,12 +399,20 @@ def _numbers(columns: Columns, what: What) -> Array:
     return np.array([first, last])
 
 
-def _triple(columns: Columns, what: What) -> tuple[Array, list[str]]:
-    """Read a vector, (rows, 3), NaN where blank or missing; and the names of its columns."""
+def _triple(columns: Columns, what: What) -> tuple[Array, str]:
+    """Read a vector, (rows, 3), NaN where blank or missing; and the name of its first column, or ""."""
     found = columns.complete_set(columns_of(what))
     if not found:
-        return np.full((columns.table.rows, 3), np.nan), []
-    return columns.together(found)[0], [column.name for column in found]
+        return np.full((columns.table.rows, 3), np.nan), ""
+    return columns.together(found)[0], found[0].name
+
+
+def _directions(columns: Columns) -> tuple[Array, Mask]:
+    """Read directions of gauges or normals of planes, unit vectors, (rows, 3), and which rows have one."""
+    vector, name = _triple(columns, "direction")
+    length = np.linalg.norm(vector, axis=1)
+    columns.table.refuse(length == 0, name, "expected a direction, got 0, 0, 0")
+    return vector / length[:, None], np.asarray(np.isfinite(vector).all(axis=1))
 
 
 def _deviation(
@@ -417,8 +420,8 @@ def _deviation(
 ) -> Array:
     """Read a standard deviation, (rows,), 0 in other rows; the usual one where nothing states it."""
     source = columns.source_of(Slot(what))
-    stated = columns.values(source) if isinstance(source, ReadColumn) else np.full(len(own), source or np.nan)
-    stated = np.full(len(own), 0.0) if source == 0.0 else stated
+    value = np.nan if source is None else source
+    stated = columns.values(value) if isinstance(value, ReadColumn) else np.full(len(own), value)
     if (missing := own & np.isnan(stated)).any():
         point = f"{1e3 * usual[0]:g} mm for the fixed point"
         words = {"tilt": "0.5 deg for the direction", "fixed_sigma": point, "zero_sigma": "no constant"}[what]

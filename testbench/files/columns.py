@@ -136,19 +136,16 @@ class Columns:
         values = self.table.numbers(column.index, self.mark, words)
         if column.unit is None:
             return column.sign * values
-        unit, most = column.unit, MAX_NUMBERS[column.unit.si] / column.unit.scale
-        self.table.refuse(  # NaN where a cell is blank
-            (values > most) | (values < -most),
-            column.name,
-            lambda row: f"expected numbers up to {most:g} {unit.name}, got {values[row]:g}",
-        )
+        unit, sizes = column.unit, np.abs(values)  # NaN where a cell is blank
+        most = MAX_NUMBERS[unit.si] / unit.scale
         self.table.refuse(
-            (np.abs(values) < MIN_NUMBER) & (values != 0),
+            (sizes > most) | ((sizes < MIN_NUMBER) & (sizes > 0)),
             column.name,
-            lambda row: f"expected 0 or numbers of at least {MIN_NUMBER:g} {unit.name}, got {values[row]:g}",
+            lambda row: (
+                f"expected 0 or numbers from {MIN_NUMBER:g} up to {most:g} {unit.name}, got {values[row]:g}"
+            ),
         )
-        scale = column.sign * unit.scale
-        return values if scale == 1 else scale * values
+        return column.sign * unit.scale * values
 
     def full(self, column: ReadColumn) -> Array:
         """Read a column without blank cells in SI units.
@@ -165,8 +162,8 @@ class Columns:
         values = self.values(column)
         blank = np.isnan(values)
         if blank.any():
-            hint = "in [file] of a map, write merged = true for merged cells; "
-            hint += "for a line after the table, write footer = 1"
+            hint = "for merged cells, write merged = true, and for a line after the table footer = 1, "
+            hint += "in [file] of a map"
             if column.slot.what in ACTS:
                 hint = "write 0 if none acts"
             self.table.refuse(blank, column.name, f"expected a finite number, got ''; {hint}")
@@ -357,7 +354,7 @@ def _compare_units(columns: Columns, again: Sequence[ReadColumn], arm: Arm) -> N
 
 def _none_known(table: TableCells, arm: Arm) -> UnknownColumns:
     """The error about a table of which no column is known."""
-    hint = "columns with other names, or a file without a header, need a map"
+    hint = f"a file without a header needs a map{JOINTS_BY_MAP}"
     wanted = some_of(joint.display_column for joint in arm.file_joints) if arm.joints else "mass_kg"
     got = ", ".join(table.names[:3])
     problem = f"no column name is known: expected {wanted}, got {got} ...; {hint}"

@@ -164,9 +164,10 @@ def _pairs(columns: Columns, arm: Arm, sigma: float | None) -> SeriesExport:
     export = runs_of(columns, arm, sigma)
     said, stem = columns.names.map.series, stem_of(columns.table.path)
     series = series_from_runs(export.data, stem, said.target or stem)
-    series = tuple(replace(s, joint_columns=columns.joints) for s in series)
-    if said.frame:
-        series = tuple(replace(s, frame=s.frame.replace(s.name, said.frame, 1)) for s in series)
+    series = tuple(
+        replace(s, joint_columns=columns.joints, frame=s.frame.replace(s.name, said.frame or s.name, 1))
+        for s in series
+    )
     unread = [c.name for c in columns.all_of(*SERIES_QUANTITIES) if not c.slot.when]
     warning = f"warning: these columns are not read beside pairs: {', '.join(unread)}"
     notes = (*export.notes, *[warning] * bool(unread), "a run is two readings, unloaded and loaded")

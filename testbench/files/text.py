@@ -78,7 +78,7 @@ def sheet_text(path: Path, content: bytes, mark: str) -> tuple[str, str]:
         rows = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
     if any(isinstance(cell, str) and WITH_COMMA.fullmatch(cell.strip()) for row in rows for cell in row):
         mark = ","
-    return "\n".join(_line(row, mark) for row in rows), f"{SHEET}{name}"
+    return "\n".join("\t".join(_text(cell, mark) for cell in row) for row in rows), f"{SHEET}{name}"
 
 
 def sheets_with_tables(path: Path, but: str = "") -> list[str]:
@@ -158,10 +158,6 @@ def _check_extent(sheet: bytes) -> None:
     if rows * count > MAX_CELLS:
         far = f"its cells reach from A1 to column {last.decode()} and row {rows}"
         raise ValueError(f"{far}, more than {MAX_CELLS} cells: delete the cells far from the table")
-
-
-def _line(row: Sequence[Cell], mark: str) -> str:
-    return "\t".join([_text(cell, mark) for cell in row])
 
 
 def _text(cell: Cell, mark: str) -> str:
@@ -670,9 +666,11 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
             while len(cells) > count and not cells[-1].strip():
                 cells.pop()
             if len(cells) != count:
-                hint = "in [file] of a map, write footer = 1 for a line after the table; "
-                hint += "if such lines name the rows below, write sections = true"
-                problem = f"expected {count} fields, got {len(cells)}; {hint}"
+                hint = (
+                    "; for a line after the table, write footer = 1, and if such lines name the rows below, "
+                )
+                hint += "sections = true, in [file] of a map"
+                problem = f"expected {count} fields, got {len(cells)}{hint * (len(cells) < count)}"
                 raise UnevenRows(path, f"line {k + 1}", problem)
             line = mark.join('"{}"'.format(cell.replace('"', '""')) for cell in cells)
         rows.append(line)

@@ -68,7 +68,7 @@ def test_a_force_next_to_none_is_refused(attack, lab):
     head, *rows = (lab / "data.csv").read_text().splitlines()
     (lab / "data.csv").write_text("\n".join([head, *(row.replace(",-9.81,", ",-1e-200,") for row in rows)]))
     asked = ("identify", "arm", "data.csv", "--model", "MGCO56", "--no-intervals", "--out", "out")
-    attack(lab, *asked).refused("data.csv: line 2, column force_z_N: expected 0 or numbers of at least")
+    attack(lab, *asked).refused("data.csv: line 2, column force_z_N: expected 0 or numbers from 1e-100")
 
 
 def test_more_runs_than_are_worked_on_are_refused(attack, lab):

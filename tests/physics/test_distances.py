@@ -390,7 +390,7 @@ def test_rows_of_a_table_with_a_direction_are_heights_over_a_plane(kr500, tmp_pa
         (FACES, ",0,0,2\n", ",,,\n",
          "line 2, column height_mm: expected more than 0, got 0 m; a height over a plane"),
         (FACES, "100,0,0,2", "100,0,0,0",
-         "line 2, column direction_x: expected the plane's normal, got 0, 0, 0"),
+         "line 2, column direction_x: expected a direction, got 0, 0, 0"),
         (FACES, "100,0,0,2", "100,0,,2", "line 2, column direction_y: expected a finite number, got ''"),
         (FACES, "2345", "-2345", "line 4, column height_mm: expected more than 0, got -2.345 m"),
         (TABLE, "fixed_x_mm,fixed_y_mm,fixed_z_mm", "a,b,c",

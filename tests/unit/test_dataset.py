@@ -234,7 +234,10 @@ PLAIN: list[tuple[Callable[[Rows], Rows], str]] = [
         lambda rows: [[*row, row[3]] for row in rows],
         "line 1: expected one column for each quantity, got 'joint_1_rad' and 'joint_1_rad' for the same",
     ),
-    (lambda rows: [*rows[:5], ["1"], *rows[5:]], "line 6: expected 25 fields, got 1\n"),
+    (
+        lambda rows: [*rows[:5], ["1"], *rows[5:]],
+        "line 6: expected 25 fields, got 1; for a line after the table",
+    ),
     *((put("after_y_m", x, lines=[5]), f"line 5, column after_y_m: {FINITE} {x!r}") for x in NUMBERS),
     *(
         (put(column, x, lines=[5]), f"line 5, column {column}: expected an integer of 64 bits, got {x!r}")

@@ -213,7 +213,7 @@ def test_programs_that_are_no_tables_say_what_they_are(kr500, tmp_path):
         ("cell.pdl", "PROGRAM cell\nBEGIN\nMOVE LINEAR TO p1\nEND cell\n", "a program in another language"),
         ("cell.nc", "%\nG21 G90\nN10 G1 X0 Y0\nM30\n", "a program in another language"),
         ("cell.cls", "TOOL PATH/CUT\nGOTO/1.0,0.0,5.0\n", "a program in another language"),
-        ("cell.csv", "A1 [deg],A2,A3,A4,A5,A6\n0,0,0,0,0,0\n", r'of a map: "joint_{n}_deg" = "A{n}"'),
+        ("cell.csv", "A1 [deg],A2,A3,A4,A5,A6\n0,0,0,0,0,0\n", r'of a map, as "joint_{n}_deg" = "A{n}"'),
         ("pose.csv", "mass_kg,J1,J2,J3,J4,J5,J6\n1,0,0,0,0,0,0\n", "or x_mm, y_mm, z_mm and an orientation"),
     ):
         (file := tmp_path / name).write_text(content)
