@@ -418,6 +418,8 @@ BINS = 72  #: Ranges of a joint: 5 degrees each of a hinge that turns once.
 def joint_coverage(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row]:
     """Compute, for every joint, the part of its range without a reading, and count the poses in that part.
 
+    A range goes from limit to limit, or over a turn of a hinge that turns farther.
+
     Args:
         arm: Description of the arm.
         series: Series of absolute readings.
@@ -426,23 +428,15 @@ def joint_coverage(arm: Arm, series: Sequence[Series], q: Array) -> Iterator[Row
     Yields:
         A row per joint.
     """
+    measured = np.concatenate([one.q[one.is_measured.any(axis=1)] for one in series])
     for j, joint in enumerate(arm.joints):
-        read = np.zeros(BINS, dtype=bool)
-        for one in series:
-            read[_bin(joint, one.q[one.is_measured.any(axis=1), j])] = True
-        there = ~read[_bin(joint, q[:, j])]
-        yield Row(joint=joint.name, unread_percent=100 * float((~read).mean()), poses=int(there.sum()))
-
-
-def _bin(joint: ArmJoint, own: Array) -> Ids:
-    """Range of every angle, from limit to limit, or over a turn of a hinge that turns farther."""
-    low, high = joint.lower, joint.upper
-    if not joint.prismatic and high - low > 2 * np.pi:
-        own = own % (2 * np.pi)
-        low = 0.0
-        high = 2 * np.pi
-    at = np.floor(BINS * (own - low) / (high - low)).astype(int)
-    return np.asarray(np.clip(at, 0, BINS - 1))
+        ends, own = (joint.lower, joint.upper), (measured[:, j], q[:, j])
+        if not joint.prismatic and joint.upper - joint.lower > 2 * np.pi:
+            ends, own = (0.0, 2 * np.pi), (own[0] % (2 * np.pi), own[1] % (2 * np.pi))
+        read, planned = (np.histogram(np.clip(x, *ends), BINS, ends)[0] for x in own)
+        unread = read == 0
+        poses = int(planned[unread].sum())
+        yield Row(joint=joint.name, unread_percent=100 * float(unread.mean()), poses=poses)
 
 
 def _placed(made: Planned) -> dict[str, list[str]]:
