@@ -30,10 +30,10 @@ from testbench.report.figures_fit import (
     residual_figure,
 )
 from testbench.report.markdown import Markdown
-from testbench.report.report import Report, rows
+from testbench.report.report import Report
 from testbench.report.scene import ModelLine, PageContent, RunChart
 from testbench.report.schema import Table, TableColumn
-from testbench.report.table import plain
+from testbench.report.table import plain, rows
 from testbench.runs.rows import Row
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.fit_numbers import (

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from legible import check_legible
 
-from testbench.report.report import rows
 from testbench.report.run_figure import SEMI_AXES, stiffness_figure
 from testbench.report.scene import ellipsoid_layer
-from testbench.report.table import plain
+from testbench.report.table import plain, rows
 from testbench.workflows.program_numbers import ellipsoids, some_poses
 
 FORCE, COUNT = 1500.0, 5
