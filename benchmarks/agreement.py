@@ -13,7 +13,7 @@ from testbench.identify.estimate import deflections, make_estimate
 from testbench.identify.method import gco, with_prior
 from testbench.identify.prior import PriorUncertainty, WeightedPrior, cad_prior, rows_with_prior
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.solve import METHOD_NAMES, solve_by_reference, solve_with_prior
+from testbench.identify.solve import METHOD_NAMES, fit_on_cone_by_library, solve_with_prior
 from testbench.model.structure import all153, mgco68, template56
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.cell import Cell, build_cell
@@ -94,9 +94,8 @@ def moved(cell: Cell, regression: Regression, weighted_prior: WeightedPrior, tru
     """Solve a fit by both; Clarabel minimises the squares, which are sharper than their norm."""
     scaling = weighted_prior.scaling
     M, r = rows_with_prior(regression, scaling, weighted_prior.uncertainty)
-    own = solve_with_prior("psd", regression, weighted_prior).pi
     sharp = squares_by_clarabel(M, r, scaling.block_orders)
-    x = [np.linalg.solve(scaling.L, own), sharp.unknowns[M.shape[1] :]]
+    x = [solve_with_prior("psd", regression, weighted_prior).x, sharp.unknowns[M.shape[1] :]]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     estimates = (
         make_estimate(regression, scaling.L @ one, method=METHOD_NAMES["psd"], constraint="none") for one in x
@@ -140,9 +139,8 @@ def rows_of(name: str, found: list[Compared]) -> list[Row]:
 def compared(regression: Regression, weighted_prior: WeightedPrior) -> Compared:
     """GCO with a prior; what is left is told by the step to the best of both, in standard deviations."""
     own = solve_with_prior("psd", regression, weighted_prior)
-    other = solve_by_reference("psd", regression, weighted_prior)
     M, r = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
-    x = [np.linalg.solve(weighted_prior.scaling.L, pi) for pi in (own.pi, other.pi)]
+    x = [own.x, fit_on_cone_by_library(M, r, weighted_prior.scaling.block_orders).x]
     costs = [float(np.linalg.norm(M @ one - r)) for one in x]
     unit, best = float(np.linalg.norm(r)), x[int(np.argmin(costs))]
     return Compared(own.by_our_solver, (costs[0] - costs[1]) / unit, float(np.linalg.norm(M @ (x[0] - best))))
@@ -150,9 +148,6 @@ def compared(regression: Regression, weighted_prior: WeightedPrior) -> Compared:
 
 def least_squares_off(regression: Regression, weighted_prior: WeightedPrior) -> float:
     """Standard deviations between least squares with a prior and those of an orthogonal factorisation."""
-    M, _ = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
-    apart = (
-        solve_with_prior("none", regression, weighted_prior).pi
-        - solve_by_reference("none", regression, weighted_prior).pi
-    )
-    return float(np.linalg.norm(M @ np.linalg.solve(weighted_prior.scaling.L, apart)))
+    M, r = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
+    apart = solve_with_prior("none", regression, weighted_prior).x - fit_on_cone_by_library(M, r, ()).x
+    return float(np.linalg.norm(M @ apart))

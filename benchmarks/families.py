@@ -10,10 +10,11 @@ from testbench.identify.prior import (
     WeightedPrior,
     cad_prior,
     rescale_to_data,
+    rows_with_prior,
     scale_by_prior,
 )
 from testbench.identify.regression import Regression, reduce
-from testbench.identify.solve import solve_by_reference, solve_with_prior
+from testbench.identify.solve import fit_on_cone_by_library, solve_with_prior
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.studies.intervals import resampler
 from testbench.workflows.campaign import Scenario, simulate
@@ -51,7 +52,8 @@ def rows_of(arm: Cell, structure: Structure, regressions: list[Regression]) -> l
             REPEATS,
             lambda p=weighted_prior: [solve_with_prior("psd", r, p) for r in regressions],  # type: ignore[misc]
         )
-        own = [solve_by_reference("psd", r, weighted_prior).seconds for r in regressions[:ALONE]]
+        problems = [rows_with_prior(r, prior, PriorUncertainty(u)) for r in regressions[:ALONE]]
+        own = [fit_on_cone_by_library(M, r, prior.block_orders).seconds for M, r in problems]
         rows.append(_row(f"{structure.name}, prior uncertain by {100 * u:g} %", together, own, bar))
     return rows
 

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from testbench.errors import Array
+from testbench.identify import cone
 from testbench.identify.prior import PriorScaling, PriorUncertainty, WeightedPrior
 from testbench.identify.regression import Regression, ResidualTerm, regression_from_terms
 from testbench.model.structure import Structure
@@ -81,5 +83,11 @@ def random_prior(s: Structure, uncertainty: float, rng: np.random.Generator) -> 
         row == column, 1.0, math.sqrt(0.5)
     ) * 10 ** rng.uniform(-1, 1)
     one = np.where(row == column, 1.0, 0.0)
-    scaling = PriorScaling("random", s, L, one, tuple(len(block) for block in s.blocks))
+    scaling = PriorScaling("random", s, L, one)
     return WeightedPrior(scaling, PriorUncertainty(uncertainty))
+
+
+def block_matrices(scaling: PriorScaling, x: Array) -> list[Array]:
+    """Unpack the matrices of all blocks of a prior's units from x, their svecs one after the other."""
+    ends = np.cumsum([cone.svec_length(n) for n in scaling.block_orders])[:-1]
+    return [cone.smat(part) for part in np.split(x, ends)]

@@ -9,9 +9,9 @@ from measure import MODELS, Row, at_most, interleave, note, spread
 from testbench.arm.folder import Arm
 from testbench.data.dataset import Dataset
 from testbench.identify.method import gco, with_prior
-from testbench.identify.prior import PriorUncertainty, cad_prior
+from testbench.identify.prior import PriorUncertainty, cad_prior, rows_with_prior
 from testbench.identify.regression import reduce
-from testbench.identify.solve import solve_by_reference
+from testbench.identify.solve import fit_on_cone_by_library
 from testbench.model.structure import Structure, all153, mgco68, template56
 from testbench.workflows.campaign import Scenario, simulate
 from testbench.workflows.cell import Cell, build_cell
@@ -56,7 +56,8 @@ def rows_of(cell: Cell, fit: Fit, data: Dataset) -> list[Row]:
         return lambda: [run() for _ in range(TIMES)]
 
     def alone() -> None:
-        own.append(solve_by_reference("psd", regression, weighted_prior).seconds)
+        M, r = rows_with_prior(regression, weighted_prior.scaling, weighted_prior.uncertainty)
+        own.append(fit_on_cone_by_library(M, r, weighted_prior.scaling.block_orders).seconds)
 
     times = interleave(
         REPEATS,

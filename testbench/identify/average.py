@@ -707,11 +707,7 @@ def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScalin
     in_structure = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
     keep = np.flatnonzero(in_structure)
     return PriorScaling(
-        scaling.prior_name,
-        structure,
-        scaling.L[np.ix_(places, keep)],
-        scaling.expected_x[keep],
-        structure.block_orders,
+        scaling.prior_name, structure, scaling.L[np.ix_(places, keep)], scaling.expected_x[keep]
     )
 
 

@@ -236,6 +236,22 @@ def svec_indices_by_order(orders: tuple[int, ...]) -> list[Ids]:
     ]
 
 
+def clip_negative_eigenvalues(x: Array, orders: tuple[int, ...]) -> Array:
+    """Set negative eigenvalues of positive semi-definite blocks to zero; they are rounding of a solver.
+
+    Args:
+        x: svecs of all blocks, one after the other, (n,).
+        orders: Orders of the blocks.
+
+    Returns:
+        svecs of the nearest positive semi-definite blocks, (n,).
+    """
+    projected = x.copy()
+    for at in svec_indices_by_order(orders):
+        projected[at] = svec(nearest_psd(smat(x[at])))
+    return projected
+
+
 def nearest_psd(X: Array) -> Array:
     """Compute the nearest positive semi-definite matrices, (..., n, n): negative eigenvalues become 0."""
     values, Q = np.linalg.eigh(X)

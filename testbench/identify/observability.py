@@ -563,7 +563,7 @@ def scale_any_structure(prior: Prior, vjm: Vjm, structure: Structure) -> PriorSc
     scale_by_prior(prior, vjm, replace(structure, rows=a, columns=b))  # refuses a bad prior
     size = _unit(prior, vjm, structure) * np.where(structure.rows == structure.columns, 1, np.sqrt(0.5))
     expected = structure.parameters_of(aggregate_left_out_joints(prior.C_theta, vjm, structure)) / size
-    return PriorScaling(prior.name, structure, np.diag(size), expected, ())
+    return PriorScaling(prior.name, structure, np.diag(size), expected)
 
 
 def joints_without_parameters(vjm: Vjm, structure: Structure) -> list[str]:

@@ -177,7 +177,11 @@ class PriorScaling:
     structure: Structure  #: Structure of the n parameters.
     L: Array  #: Parameters pi per unit of x, block diagonal, (n, n) [m/N, rad/N, rad/(N m)].
     expected_x: Array  #: Expected x: svec of X = 1, (n,) [1].
-    block_orders: tuple[int, ...]  #: Order of the matrix of every block, as `structure.blocks` lists them.
+
+    @property
+    def block_orders(self) -> tuple[int, ...]:
+        """Return the order of the matrix of every block, (blocks,)."""
+        return self.structure.block_orders
 
     @cached_property
     def is_link_coupling(self) -> Mask:
@@ -238,32 +242,6 @@ class PriorScaling:
             label.rpartition(".")[0] if is_whole else label
             for label, is_whole in zip(labels, whole, strict=True)
         )
-
-    def block_matrices(self, x: Array) -> list[Array]:
-        """Unpack the matrices X of all blocks from x, their svec(X) one after the other.
-
-        Args:
-            x: Parameters in units of the prior, (n,) [1].
-
-        Returns:
-            One symmetric matrix per block [1].
-        """
-        ends = np.cumsum([cone.svec_length(n) for n in self.block_orders])[:-1]
-        return [cone.smat(part) for part in np.split(x, ends)]
-
-    def clip_negative_eigenvalues(self, x: Array) -> Array:
-        """Set negative eigenvalues of every block X to zero; they are rounding of a solver.
-
-        Args:
-            x: svec(X) of all blocks, (n,) [1].
-
-        Returns:
-            svec of the positive semi-definite blocks, (n,) [1].
-        """
-        projected = x.copy()
-        for at in cone.svec_indices_by_order(self.block_orders):
-            projected[at] = cone.svec(cone.nearest_psd(cone.smat(x[at])))
-        return projected
 
 
 @dataclass(frozen=True)
@@ -331,7 +309,7 @@ def scale_by_prior(prior: Prior, vjm: Vjm, structure: Structure) -> PriorScaling
     for group in structure.block_groups:
         parameters = structure.parameter_of_entry[group.triangle_indices]
         L[parameters[:, :, None], group.triangle_indices[:, None, :]] = _congruences(root[group.index_arrays])
-    return PriorScaling(prior.name, structure, L, expected, structure.block_orders)
+    return PriorScaling(prior.name, structure, L, expected)
 
 
 def rows_in_prior_units(regression: Regression, scaling: PriorScaling) -> tuple[Array, Array]:

@@ -260,23 +260,26 @@ def solve(
             return solve_gco(regression, prior_or_penalty)
         return (conservative_least_squares if constraint == "free" else minimum_norm)(regression)
     # With a prior: minimise chi^2 and penalty in units of the prior, then map x back to pi.
-    prior_solution = solve_with_prior(constraint, regression, prior_or_penalty)
+    fit = solve_with_prior(constraint, regression, prior_or_penalty)
     estimate = make_estimate(
-        regression, prior_solution.pi, method=METHOD_NAMES[constraint], constraint=constraint
+        regression,
+        prior_or_penalty.scaling.L @ fit.x,
+        method=METHOD_NAMES[constraint],
+        constraint=constraint,
     )
     return replace(
         estimate,
         weighted_prior=prior_or_penalty,
-        status=prior_solution.status,
-        solver_seconds=prior_solution.seconds,
+        status=fit.status,
+        solver_seconds=fit.seconds,
     )
 
 
 @dataclass(frozen=True)
-class PriorSolution:
-    """Hold the parameters that a solver returns for equations with a prior, and its status."""
+class ConeFit:
+    """Hold the solution of a least-squares problem over positive semi-definite blocks, and its status."""
 
-    pi: Array  #: Parameters, (n,) [m/N, rad/(N m), rad/N].
+    x: Array  #: Solution, svec of the blocks, (n,).
     seconds: float  #: Time inside the solver [s].
     status: str  #: "solved", or the failure as a sentence.
     #: Whether Newton's method or the interior-point method solved it; else LAPACK or Clarabel.
@@ -285,87 +288,64 @@ class PriorSolution:
 
 def solve_with_prior(
     constraint: Constraint, regression: Regression, weighted_prior: WeightedPrior
-) -> PriorSolution:
+) -> ConeFit:
     """Minimise |A pi - y|^2 + |B x - c|^2, where pi = L x and x is in units of the prior.
 
-    Newton's method solves least squares, an interior-point method GCO. If the answer is not proven optimal,
-    `solve_by_reference` solves the problem again.
-
     Args:
         constraint: "none" for least squares, "psd" for GCO.
         regression: The weighted equations A pi = y.
         weighted_prior: The prior of pi, with the equations B x = c.
 
     Returns:
-        The parameters and the status of the solver.
+        The solution x and the status of the solver.
     """
-    start, scaling = time.perf_counter(), weighted_prior.scaling
+    scaling = weighted_prior.scaling
     M, r = rows_with_prior(regression, scaling, weighted_prior.uncertainty)
-    x = certified_solution(M, r, scaling.block_orders if constraint == "psd" else ())
-    if x is None:
-        return solve_by_reference(constraint, regression, weighted_prior)
-    return PriorSolution(scaling.L @ x, time.perf_counter() - start, "solved", by_our_solver=True)
+    return fit_on_cone(M, r, scaling.block_orders if constraint == "psd" else ())
 
 
-def certified_solution(M: Array, r: Array, block_orders: tuple[int, ...]) -> Array | None:
-    """Minimise |M x - r| over x, and return the minimum only if it is proven optimal.
+def fit_on_cone(M: Array, r: Array, block_orders: tuple[int, ...]) -> ConeFit:
+    """Minimise |M x - r| over x with positive semi-definite blocks, by our own method.
+
+    Newton's method solves least squares, an interior-point method GCO. If the answer is not proven to be
+    within `OPTIMALITY_TOLERANCE` of the optimum, `fit_on_cone_by_library` solves the problem again.
 
     Args:
         M: Weighted equations of data and prior, (rows, n) [1].
         r: Their right-hand side, (rows,) [1].
-        block_orders: Orders of the positive semi-definite blocks whose svec is x; () for no constraint.
+        block_orders: Orders of the blocks whose svec is x; () for no constraint.
 
     Returns:
-        x, (n,) [1]; None where the duality gap exceeds `OPTIMALITY_TOLERANCE`.
+        The solution and the status of the solver.
     """
+    start = time.perf_counter()
     x, gap = least_squares_on_cone(M, r, block_orders)
     cost = float(np.sum((M @ x - r) ** 2)) / 2
-    return x if gap <= OPTIMALITY_TOLERANCE + COST_ROUNDING * cost else None
+    if gap <= OPTIMALITY_TOLERANCE + COST_ROUNDING * cost:
+        return ConeFit(x, time.perf_counter() - start, "solved", by_our_solver=True)
+    return fit_on_cone_by_library(M, r, block_orders)
 
 
-def solve_by_reference(
-    constraint: Constraint, regression: Regression, weighted_prior: WeightedPrior
-) -> PriorSolution:
-    """Minimise |A pi - y|^2 + |B x - c|^2 by a library: LAPACK for least squares, Clarabel for GCO.
-
-    Args:
-        constraint: "none" for least squares, "psd" for GCO.
-        regression: The weighted equations A pi = y.
-        weighted_prior: The prior of pi, with the equations B x = c.
-
-    Returns:
-        The parameters and the status of the solver.
-    """
-    start, scaling = time.perf_counter(), weighted_prior.scaling
-    M, r = rows_with_prior(regression, scaling, weighted_prior.uncertainty)
-    if constraint == "none":
-        pi = scaling.L @ np.linalg.lstsq(M, r, rcond=None)[0]
-        return PriorSolution(pi, time.perf_counter() - start, "solved", by_our_solver=False)
-    solution = solve_by_clarabel(M, r, scaling.block_orders)
-    return PriorSolution(
-        scaling.L @ scaling.clip_negative_eigenvalues(solution.unknowns[1:]),
-        solution.seconds,
-        solution.status,
-        by_our_solver=False,
-    )
-
-
-def solve_by_clarabel(M: Array, r: Array, block_orders: tuple[int, ...]) -> cone.Solution:
-    """Minimise |M x - r| over x with positive semi-definite blocks, by Clarabel.
+def fit_on_cone_by_library(M: Array, r: Array, block_orders: tuple[int, ...]) -> ConeFit:
+    """Minimise |M x - r| over x with positive semi-definite blocks, by LAPACK without blocks, or by Clarabel.
 
     Args:
         M: Weighted equations of data and prior, (rows, n) [1].
         r: Their right-hand side, (rows,) [1].
-        block_orders: Orders of the blocks whose svec is x.
+        block_orders: Orders of the blocks whose svec is x; () for no constraint.
 
     Returns:
-        The solution; its unknowns are |M x - r| over its least value without the constraint, then x.
+        The solution and the status of the solver.
     """
-    n = M.shape[1]
+    start, n = time.perf_counter(), M.shape[1]
+    if not block_orders:
+        x: Array = np.asarray(np.linalg.lstsq(M, r, rcond=None)[0])
+        return ConeFit(x, time.perf_counter() - start, "solved", by_our_solver=False)
+    # The unknowns are |M x - r| over its least value without the constraint, then x.
     R: Array = np.asarray(np.linalg.qr(np.c_[M, r], mode="r"))
     unit = max(1.0, abs(R[-1, n]))
     residual = np.c_[np.zeros(len(R)), R[:, :n] / unit]
-    return cone.solve(
+    solution = cone.solve(
         cone.ConeProgram(
             cost=np.r_[1.0, np.zeros(n)],
             constraints=(
@@ -374,6 +354,8 @@ def solve_by_clarabel(M: Array, r: Array, block_orders: tuple[int, ...]) -> cone
             ),
         )
     )
+    x = cone.clip_negative_eigenvalues(solution.unknowns[1:], block_orders)
+    return ConeFit(x, solution.seconds, solution.status, by_our_solver=False)
 
 
 # --- Robust identification ----------------------------------------------------------------------------------
@@ -476,8 +458,8 @@ def robust_residuals(
         if weighted_prior is None:
             pi = minimum_norm(weighted).pi
         else:
-            prior_solution = solve_with_prior(constraint, weighted, weighted_prior)
-            pi, status = prior_solution.pi, prior_solution.status
+            fit = solve_with_prior(constraint, weighted, weighted_prior)
+            pi, status = weighted_prior.scaling.L @ fit.x, fit.status
         before, length = length, np.linalg.norm(readings.y - readings.A @ pi, axis=1)
         if np.abs(length - before).max() < CONVERGED_CHANGE:
             return length, status

@@ -94,7 +94,7 @@ def _minimum(regression: Regression, weighted_prior: WeightedPrior) -> tuple[Arr
     """Parameters, (n,), and how far they are from the optimum, over the cost of no model."""
     scaling, n = weighted_prior.scaling, regression.structure.n_parameters
     e, (A, y) = scaling.expected_x, rows_in_prior_units(regression, scaling)
-    gaussian = np.linalg.solve(scaling.L, solve_with_prior("psd", regression, weighted_prior).pi)
+    gaussian = solve_with_prior("psd", regression, weighted_prior).x
     scale = max(1e-6, float(gaussian @ e / (e @ e)))
     # X in units of the scale, the cost in those of what the readings span
     T: Array = np.asarray(np.linalg.qr(np.c_[scale * A, y], mode="r"))[:n]
@@ -140,7 +140,7 @@ def gco_least_trace(regression: Regression, scaling: PriorScaling) -> Estimate:
     )
     estimate = make_estimate(
         regression,
-        scaling.L @ scaling.clip_negative_eigenvalues(solution.unknowns[count:]),
+        scaling.L @ cone.clip_negative_eigenvalues(solution.unknowns[count:], scaling.block_orders),
         method="GCO, least trace in the metric",
         constraint="psd",
         advice=(

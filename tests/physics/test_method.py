@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from loads import axis_loads
+from programs import block_matrices
 
 from testbench import BenchError, Scenario, score, simulate
+from testbench.identify import cone
 from testbench.identify.equations import weighted_readings
 from testbench.identify.estimate import ORIENTATION_READING, make_estimate
 from testbench.identify.hierarchy import learn_prior
@@ -239,9 +241,8 @@ def test_reweighing_ends_where_no_model_is_better(kr500, constraint):
     gradient, scale = np.einsum("ikn,ik->n", A, pull) + B.T @ off, 1e-5 * loss
     if constraint == "none":
         assert np.abs(gradient).max() < scale
-    for X, S in zip(
-        units.block_matrices(units.clip_negative_eigenvalues(x)), units.block_matrices(gradient), strict=True
-    ):
+    x = cone.clip_negative_eigenvalues(x, units.block_orders)
+    for X, S in zip(block_matrices(units, x), block_matrices(units, gradient), strict=True):
         assert np.linalg.eigvalsh(S)[0] > -scale
         assert abs((S * X).sum()) < scale
 

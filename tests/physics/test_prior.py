@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from loads import at_rest
+from programs import block_matrices
 from scipy import stats
 from scipy.integrate import quad
 
@@ -100,7 +101,7 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     loose = shrinkage.gco_stein(regression, own, PriorUncertainty(3.0))
     assert loose.status == "solved"
     x = np.linalg.solve(own.L, loose.pi)
-    assert min(np.linalg.eigvalsh(X)[0] for X in own.block_matrices(x)) > 1e-3
+    assert min(np.linalg.eigvalsh(X)[0] for X in block_matrices(own, x)) > 1e-3
     (A, y), e = rows_in_prior_units(regression, own), own.expected_x
     scale = (
         np.linalg.solve(own.L, solve(regression, "psd", WeightedPrior(own, PriorUncertainty(3.0))).pi)
@@ -109,7 +110,7 @@ def test_log_det_prior_is_never_singular_and_of_least_cost_and_least_trace_fits_
     )
 
     def cost(x):
-        log_det = sum(np.linalg.slogdet(X)[1] for X in own.block_matrices(x))
+        log_det = sum(np.linalg.slogdet(X)[1] for X in block_matrices(own, x))
         return ((A @ x - y) ** 2).sum() / 2 + (e @ x / scale - log_det) / 3.0**2
 
     # directions in which the cost is about equally curved: none goes down
@@ -151,7 +152,7 @@ def test_load_levels_are_held_out_whole_and_the_strength_that_predicts_best_is_t
             for fold in folds
         ]
         errors[u] = np.mean([f_m(fold.held_out_regression, pi) for fold, pi in zip(folds, fits, strict=True)])
-    chosen = shrinkage.choose_strength(folds, own, lambda *case: solve_with_prior("none", *case).pi)
+    chosen = shrinkage.choose_strength(folds, own, lambda *case: own.L @ solve_with_prior("none", *case).x)
     assert chosen.relative == min(errors, key=errors.get)
 
 

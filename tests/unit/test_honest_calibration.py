@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import block_matrices
 from run_here import do
 
 from testbench.cli.calibrate import report
@@ -56,10 +57,10 @@ def test_a_held_out_fold_is_the_least_sum_of_squares_in_the_cone(kr500, rng):
     free, found = (
         solve_active_unknowns(own, S, learnt, WIDE_PRIOR, constraint).x for constraint in ("none", "psd")
     )
-    assert min(np.linalg.eigvalsh(X)[0] for X in elastic.block_matrices(free[r:])) < -0.01
+    assert min(np.linalg.eigvalsh(X)[0] for X in block_matrices(elastic, free[r:])) < -0.01
     gradient = H[:-1, :-1] @ found - H[:-1, -1]
     np.testing.assert_allclose(gradient[:r], 0, atol=1e-6 * np.abs(H[:-1, -1]).max())
-    for X, G in zip(elastic.block_matrices(found[r:]), elastic.block_matrices(gradient[r:]), strict=True):
+    for X, G in zip(block_matrices(elastic, found[r:]), block_matrices(elastic, gradient[r:]), strict=True):
         size = np.abs(G).max() + 1
         assert np.linalg.eigvalsh(X)[0] > -1e-6
         assert np.linalg.eigvalsh(G)[0] > -1e-4 * size

@@ -30,6 +30,7 @@ from testbench.identify.hierarchy import (
     solve_normal_equations,
     student_neg_log_density,
 )
+from testbench.identify.interior import is_semidefinite
 from testbench.identify.prior import (
     PriorScaling,
     PriorUncertainty,
@@ -47,7 +48,7 @@ from testbench.identify.regression import (
     regression_from_terms,
     term_from_triangle,
 )
-from testbench.identify.solve import certified_solution, solve, solve_by_clarabel
+from testbench.identify.solve import fit_on_cone, solve
 from testbench.model.kinematics import JointErrorTerms
 from testbench.model.vjm import rotation_matrices
 
@@ -246,17 +247,13 @@ def _in_cone(optimum: NormalEquationsSolution, rigid: int, compliance_prior: Pri
     unknowns follow the compliances e: their rows vanish, and |U_e (e - e_0)|^2 remains. Returns x_0 itself if
     it is in the cone.
     """
-    if all(np.linalg.eigvalsh(X)[0] >= 0 for X in compliance_prior.block_matrices(optimum.x[rigid:])):
+    if is_semidefinite(optimum.x[rigid:], compliance_prior.block_orders, 0.0):
         return optimum.x
     # Cost of the compliances alone.
     U = np.triu(optimum.precision_root[0]) * optimum.precision_scale
     M = U[rigid:, rigid:]
     r = M @ optimum.x[rigid:]
-    e = certified_solution(M, r, compliance_prior.block_orders)
-    if e is None:
-        e = compliance_prior.clip_negative_eigenvalues(
-            solve_by_clarabel(M, r, compliance_prior.block_orders).unknowns[1:]
-        )
+    e = fit_on_cone(M, r, compliance_prior.block_orders).x
     # The other unknowns follow.
     step = U[:rigid, rigid:] @ (e - optimum.x[rigid:])
     others: Array = optimum.x[:rigid] - solve_triangular(U[:rigid, :rigid], step)

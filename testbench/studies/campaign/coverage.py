@@ -15,6 +15,7 @@ from testbench.data.dataset import Dataset
 from testbench.errors import Array, BenchError
 from testbench.identify.conic import solve_gco
 from testbench.identify.estimate import Estimate
+from testbench.identify.interior import is_semidefinite
 from testbench.identify.method import gco, with_prior
 from testbench.identify.posterior import Intervals, intervals, posterior_of_estimate
 from testbench.identify.prior import (
@@ -184,7 +185,7 @@ def draw_conservative(
         if np.isfinite(uncertainty.scale):
             scale += uncertainty.scale * rng.standard_normal()
         x = scale * scaling.expected_x + uncertainty.relative * rng.standard_normal(len(scaling.expected_x))
-        if all(np.linalg.eigvalsh(X)[0] >= 0 for X in scaling.block_matrices(x)):
+        if is_semidefinite(x, scaling.block_orders, 0.0):
             return x
     raise BenchError(
         f"prior: expected a conservative model among {REJECTIONS} draws of uncertainty "
