@@ -6,8 +6,9 @@ reading them back gives the same bits; a blank cell is a missing number.
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -25,15 +26,12 @@ from testbench.model.kinematics import build_vjm
 from testbench.model.vjm import marker_positions, tool_points
 from testbench.runs.whole import write_whole
 
-Table = dict[str, list[str]]
-"""Cells of every column."""
-Shown = Callable[[float], str]
-"""Format of a number."""
+Table = dict[str, Array | Ids | list[str]]
+"""Numbers or texts of every column."""
 Block = tuple[Iterable[str], Array | Ids | None]
 """Columns and their numbers, (rows, columns), a row for as many points as follow each other; None for no
 columns."""
 DECIMALS = 12  #: Decimals of numbers that were made from vectors [m]: rounding errors are left out.
-DIGITS = 4  #: Digits of standard deviations and covariances in a shortened file.
 
 
 def write_csv(data: Dataset, arm: Arm | tuple[str, ...], path: str | Path) -> None:
@@ -76,14 +74,11 @@ def csv_text(data: Dataset, arm: Arm | tuple[str, ...]) -> str:
     Returns:
         The text.
     """
-    own = {
-        name: list(map(as_cell, cells)) if isinstance(cells, list) else _numbers(cells)
-        for name, cells in columns(data, arm).items()
-    }
-    return _text(own, zip(*own.values(), strict=True))
+    own = columns(data, arm)
+    return _text(own, _rows(own.values()))
 
 
-def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids | list[str]]:
+def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> Table:
     """Make the columns of `write_csv`, one cell per point, NaN for lost readings.
 
     Args:
@@ -122,9 +117,7 @@ def columns(data: Dataset, arm: Arm | tuple[str, ...]) -> dict[str, Array | Ids 
     if data.precision is not None and not _lines_and_sigma(data):
         C = _entries(data.covariance.reshape(-1, 3, 3))
         blocks.append((columns_of("covariance"), np.where(lost | lines, np.nan, C)))
-    found: dict[str, Array | Ids | list[str]] = dict(
-        _repeated(n, [(["run"], data.run_id), (["pose"], data.pose_id)])
-    )
+    found: Table = dict(_repeated(n, [(["run"], data.run_id), (["pose"], data.pose_id)]))
     found["marker"] = list(data.markers) * data.n_runs
     found |= dict(_repeated(n, [*blocks, (["station"], data.station)]))
     if data.unloaded_after_load is not None:
@@ -185,37 +178,32 @@ def _along_lines(data: Dataset, arm: Arm | tuple[str, ...]) -> list[Block]:
     return blocks
 
 
-def write_series(
-    path: str | Path, arm: Arm, series: Series | Sequence[Series], decimals: int | None = None
-) -> None:
+def write_series(path: str | Path, arm: Arm, series: Series | Sequence[Series]) -> None:
     """Write one or several series; an existing file is replaced only by a complete one.
 
     Columns whose value the reader assumes by default are left out: no load, the arm's load point, one marker,
-    and names that are the file's.
+    and names that are the file's. Numbers are read back bit by bit, except orientations (1e-15).
 
     Args:
         path: The file.
         arm: The arm that was measured.
         series: Series with the same targets and the same kinds of readings.
-        decimals: Decimals of positions [m], joints and angles [rad], loads and torques; None for numbers in
-            full, which are read back bit by bit, except orientations (1e-15).
 
     Raises:
         BenchError: If series differ in their columns, or a target is not the arm's.
         InputError: If the file cannot be written.
     """
     every = [series] if isinstance(series, Series) else series
-    write_whole(series_text(arm, every, Path(path).stem, decimals), Path(path))
+    write_whole(series_text(arm, every, Path(path).stem), Path(path))
 
 
-def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | None = None) -> str:
+def series_text(arm: Arm, series: Sequence[Series], stem: str) -> str:
     """Write series as the text of `write_series`.
 
     Args:
         arm: The arm that was measured.
         series: The series.
         stem: Name of the file without its ending; names that begin with it are shortened.
-        decimals: Number of decimals; None for numbers in full.
 
     Returns:
         The text.
@@ -237,11 +225,11 @@ def series_text(arm: Arm, series: Sequence[Series], stem: str, decimals: int | N
             s if s.rotation is not None else replace(s, rotation=own, sigma_rotation=turned)
             for s, own in zip(series, none, strict=True)
         ]
-    tables = [_table(arm, s, stem, decimals) | _scatter(s, scatter, decimals) for s in series]
+    tables = [_table(arm, s, stem) | _scatter(s, scatter) for s in series]
     if any(list(table) != list(tables[0]) for table in tables):
         raise BenchError("series: expected torques, temperature and time in all series of a file or in none")
     header = [name for name in tables[0] if name not in silent]
-    return _text(header, (row for own in tables for row in zip(*(own[k] for k in header), strict=True)))
+    return _text(header, chain.from_iterable(_rows(own[name] for name in header) for own in tables))
 
 
 def write_program(
@@ -308,9 +296,11 @@ def _text(header: Iterable[str], rows: Iterable[Iterable[str]], delimiter: str =
     return text.getvalue()
 
 
-def _cells(points: int, blocks: Iterable[Block], shown: Shown) -> Table:
-    """Format the numbers of every point, by column."""
-    return {name: _numbers(own, shown) for name, own in _repeated(points, blocks)}
+def _rows(columns: Iterable[Array | Ids | Sequence[str]]) -> Iterator[tuple[str, ...]]:
+    """Format columns, row by row."""
+    return zip(
+        *(_numbers(own) if isinstance(own, np.ndarray) else map(as_cell, own) for own in columns), strict=True
+    )
 
 
 def _repeated(points: int, blocks: Iterable[Block]) -> Iterator[tuple[str, Array | Ids]]:
@@ -321,15 +311,10 @@ def _repeated(points: int, blocks: Iterable[Block]) -> Iterator[tuple[str, Array
             yield from zip(names, rows.T, strict=True)
 
 
-def _numbers(values: Array | Ids, shown: Shown = repr, mark: str = ".") -> list[str]:
+def _numbers(values: Array | Ids, mark: str = ".") -> list[str]:
     """Format numbers with a decimal mark; NaN is blank."""
-    texts = ["" if x != x else shown(x) for x in values.tolist()]
+    texts = ["" if x != x else repr(x) for x in values.tolist()]
     return texts if mark == "." else [text.replace(".", mark) for text in texts]
-
-
-def _rounded(decimals: int | None) -> Shown:
-    """Return a format in full, or to a number of decimals."""
-    return repr if decimals is None else lambda x: repr(round(x, decimals) + 0.0)
 
 
 def _conditions(joints: Sequence[str], q: Array, own: Dataset | Series) -> list[Block]:
@@ -374,32 +359,31 @@ def _place(s: Series, stem: str) -> str:
     return "" if s.name == stem else s.name.removeprefix(f"{stem} ")
 
 
-def _table(arm: Arm, s: Series, stem: str, decimals: int | None) -> Table:
-    """Format all columns of a series except its noise, (rows * m) cells each."""
+def _table(arm: Arm, s: Series, stem: str) -> Table:
+    """List all columns of a series except its noise, (rows * m) cells each."""
     n = s.n_rows * len(s.markers)
-    shown = _rounded(decimals)
     lost = ~s.is_measured.reshape(-1, 1)
+    own: Table = dict(_repeated(n, [(["run"], s.row_id), (["pose"], s.pose_id)]))
     texts = {"series": _place(s, stem) or s.name, "series_frame": s.frame, "series_target": s.mount}
-    vectors = None if s.rotation is None else _vectors(s, s.rotation)
-    beside: list[Block] = [(torque_columns(arm), _torques(arm, s)), (["time_s"], s.time)]
-    beside += [(columns_of("rotation"), vectors)]
-    own = _cells(n, [(["run"], s.row_id), (["pose"], s.pose_id)], str)
-    own |= {name: [as_cell(text)] * n for name, text in texts.items()}
-    own["marker"] = list(map(as_cell, s.markers)) * s.n_rows
+    own |= {name: [text] * n for name, text in texts.items()}
+    own["marker"] = list(s.markers) * s.n_rows
     joints = [joint.file_column for joint in arm.file_joints]
-    own |= _cells(n, [*_conditions(joints, arm.to_file_joints(s.q), s), *beside], shown)
-    own |= _cells(n, [(["temperature"], s.temperature)], _rounded(decimals and 2))
+    blocks = _conditions(joints, arm.to_file_joints(s.q), s)
+    blocks += [(torque_columns(arm), _torques(arm, s)), (["time_s"], s.time)]
+    blocks.append((columns_of("rotation"), None if s.rotation is None else _vectors(s, s.rotation)))
+    blocks.append((["temperature"], s.temperature))
     if s.distance is None:
-        blocks: list[Block] = [(columns_of("reading"), np.where(lost, np.nan, s.position.reshape(-1, 3)))]
+        blocks.append((columns_of("reading"), np.where(lost, np.nan, s.position.reshape(-1, 3))))
     else:
         length = np.where(lost, np.nan, s.distance.reshape(-1, 1))
-        blocks = [(["distance_m"], length), (columns_of("fixed"), np.tile(np.array(s.fixed_point), (n, 1)))]
+        blocks.append((["distance_m"], length))
+        blocks.append((columns_of("fixed"), np.tile(np.array(s.fixed_point), (n, 1))))
         blocks.append((["fixed_sigma_m"], np.full(n, s.fixed_point_sigma)))
         normal = np.full(3, np.nan) if s.plane_normal is None else np.array(s.plane_normal)
         blocks.append((columns_of("direction"), np.tile(normal, (n, 1))))
         blocks.append((["tilt_rad"], np.full(n, np.nan if s.plane_normal is None else s.plane_normal_sigma)))
         blocks.append((["zero_sigma_m"], np.full(n, s.distance_offset_sigma)))
-    return own | _cells(n, blocks, shown)
+    return own | dict(_repeated(n, blocks))
 
 
 def _torques(arm: Arm, s: Series) -> Array | None:
@@ -439,8 +423,8 @@ def _scatter_columns(series: Sequence[Series]) -> What | None:
     return "deviation" if diagonal else "spread"
 
 
-def _scatter(s: Series, what: What | None, decimals: int | None) -> Table:
-    """Format the noise of a series: one number for all, and one per reading if needed."""
+def _scatter(s: Series, what: What | None) -> Table:
+    """List the noise of a series: one number for all, and one per reading if needed."""
     C, _ = _covariances(s)
     sigmas = zip(("sigma_m", "sigma_rad"), (s.sigma, s.sigma_rotation), strict=True)
     blocks: list[Block] = [([name], np.full(len(C), x)) for name, x in sigmas if x is not None]
@@ -448,4 +432,4 @@ def _scatter(s: Series, what: What | None, decimals: int | None) -> Table:
         deviations = what == "deviation"
         values = np.sqrt(np.diagonal(C, axis1=1, axis2=2)) if deviations else _entries(C)
         blocks.append((columns_of(what), values))
-    return _cells(len(C), blocks, repr if decimals is None else lambda x: f"{x:.{DIGITS}g}")
+    return dict(_repeated(len(C), blocks))
