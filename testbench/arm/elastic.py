@@ -5,9 +5,8 @@ of elastic.toml. `read_elastic` checks all that can be checked without the MJCF;
 rest. Six-vectors have the translation first; units are SI.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Generic, Literal, TypeVar
 
@@ -304,27 +303,23 @@ def _check_values(path: Path, elastic: ElasticDocument) -> None:
             f"expected some of {', '.join(points)}, got {unknown[0]!r}",
         )
     if (payload := elastic.payload) is not None:
-        _check_range(path, partial(toml_place, path, ["payload"]), payload, PAYLOAD_RANGE)
+        _check_range(path, ["payload"], payload, PAYLOAD_RANGE)
     if (spring := elastic.compensator) is not None:
         for name, span in COMPENSATOR_RANGES.items():
-            place = partial(toml_place, path, ["compensator", name])
-            _check_range(path, place, getattr(spring, name), span)
+            _check_range(path, ["compensator", name], getattr(spring, name), span)
     for k, joint in enumerate(elastic.joint):
-        _check_range(path, partial(_joint_place, path, k, joint), joint.compliance, COMPLIANCE_RANGE)
-
-
-def _joint_place(path: Path, index: int, joint: JointEntry) -> str:
-    return f"{toml_place(path, ['joint', index, 'compliance'])} ({joint.name})"
+        _check_range(path, ["joint", k, "compliance"], joint.compliance, COMPLIANCE_RANGE)
 
 
 def _check_range(
-    path: Path, place: Callable[[], str], quantity: Quantity[Value, Unit], span: tuple[float, float]
+    path: Path, keys: Sequence[str | int], quantity: Quantity[Value, Unit], span: tuple[float, float]
 ) -> None:
-    """Check every number of a quantity; its place is sought only for a message: that reads the file again."""
+    """Check every number of a quantity."""
     low, high = span
     for value in np.ravel(np.asarray(quantity.value)).tolist():
         if not low <= value <= high:
-            raise InputError(path, place(), f"expected {low:g} to {high:g} {quantity.unit}, got {value}")
+            problem = f"expected {low:g} to {high:g} {quantity.unit}, got {value}"
+            raise InputError(path, toml_place(path, keys), problem)
 
 
 def link_place(path: Path, index: int, link: LinkEntry, *keys: str) -> str:

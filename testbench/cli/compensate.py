@@ -1,9 +1,10 @@
 """testbench compensate MODEL PROGRAM.csv --out CORRECTED.csv: joints that bring the tool to its target."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -15,7 +16,17 @@ from testbench.files.program import read_program
 from testbench.report.badge import Badge, decide
 from testbench.report.markdown import Markdown, capital, ended
 from testbench.report.markdown import counted as number_of
-from testbench.report.program_scene import AFTER, BEFORE, CORRECTED, EXPECTED, LOOKS, WITHIN, draw_correction
+from testbench.report.program_scene import (
+    AFTER,
+    BEFORE,
+    CORRECTED,
+    EXPECTED,
+    LOOKS,
+    STIFFNESS,
+    WITHIN,
+    draw_correction,
+    program_figures,
+)
 from testbench.report.report import Report, RunRequest, say, write_run
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row
@@ -31,11 +42,7 @@ from testbench.workflows.plan_input import joints_of
 from testbench.workflows.program import CorrectedProgram
 from testbench.workflows.program_numbers import correction_numbers, correction_warnings
 
-if TYPE_CHECKING:
-    from testbench.report.figure import Figure
-    from testbench.report.scene import PageContent
-
-COMMAND, PICTURE, STIFFNESS = "testbench compensate", "compensation.png", "stiffness.png"
+COMMAND, PICTURE = "testbench compensate", "compensation.png"
 WRITTEN = ("report.md", "report.json", PICTURE, STIFFNESS)
 #: Chance that the median point gets better from which on the correction is sure to help [1].
 SURE_PROBABILITY = 0.95
@@ -119,7 +126,7 @@ def command(asked: CompensateOptions) -> None:
                 [arm],
                 PICTURE,
                 more=lambda _: more,
-                draw=_drawn,
+                draw=partial(program_figures, PICTURE, said.numbers["ellipsoid_force_n"]),
                 recording=asked.recording,
             )
             write_run(folder, run, said, draw_correction(cell, corrected_program, said))
@@ -134,16 +141,6 @@ def command(asked: CompensateOptions) -> None:
         print_words(plain_console(), said, [said.tables["worst"]], lines)
     if any(row.verdict == "fail" for row in said.numbers["rows"]):
         raise typer.Exit(1)
-
-
-def _drawn(said: Report, page: "PageContent") -> Mapping[str, "Figure"]:
-    from testbench.report.run_figure import (
-        overview,
-        stiffness_figure,  # here: it imports matplotlib
-    )
-
-    f = Row(said.numbers)
-    return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.ellipsoid_force_n)}
 
 
 def report(found: CorrectedProgram, tolerance_mm: float | None = None) -> Report:

@@ -1,17 +1,17 @@
 """testbench predict MODEL POSES.csv --out DIR: deflections under loads, intervals, stiffness."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from testbench.arm.mjcf import GRAVITY
 from testbench.model.vjm import WorkArea
 from testbench.report.markdown import Markdown, capital, ended
-from testbench.report.program_scene import draw_prediction
+from testbench.report.program_scene import STIFFNESS, draw_prediction, program_figures
 from testbench.report.report import Report, RunRequest, say, write_run
 from testbench.report.schema import Table, columns
 from testbench.report.table import Row
@@ -24,7 +24,6 @@ from testbench.workflows.options import (
     MapFile,
     Payload,
     Recording,
-    overload_warnings,
     plain,
     takes,
 )
@@ -37,11 +36,7 @@ from testbench.workflows.program import (
 )
 from testbench.workflows.program_numbers import TABLE, prediction_numbers, write_predictions
 
-if TYPE_CHECKING:
-    from testbench.report.figure import Figure
-    from testbench.report.scene import PageContent
-
-COMMAND, PICTURE, STIFFNESS = "testbench predict", "predict.png", "stiffness.png"
+COMMAND, PICTURE = "testbench predict", "predict.png"
 POSES = (
     "pose deflection_mm half_words deflections_mm.0 deflections_mm.1 deflections_mm.2 turn_mrad "
     "stiffness_n_per_um.0 softest"
@@ -87,28 +82,17 @@ def command(asked: PredictOptions) -> None:
             arms,
             PICTURE,
             more=write,
-            draw=_drawn,
+            draw=partial(program_figures, PICTURE, push),
             recording=asked.recording,
         )
         write_run(asked.out, run, said, draw_prediction(made, said.numbers["ellipsoids"]))
         places = ", ".join(str(asked.out / name) for name in ("report.md", "report.json", PICTURE, STIFFNESS))
         lines = [
-            *(f"- {words}" for words in overload_warnings(model.arm, poses.hung.tolist())),
             f"poses      {asked.out / TABLE}",
             f"report     {places}",
             *viewing_lines(asked.out, recording=asked.recording, model=asked.model),
         ]
         print_words(plain_console(), said, [printed(said)], lines)
-
-
-def _drawn(said: Report, page: "PageContent") -> Mapping[str, "Figure"]:
-    from testbench.report.run_figure import (
-        overview,
-        stiffness_figure,  # here: it imports matplotlib
-    )
-
-    f = Row(said.numbers)
-    return {PICTURE: overview(said, page), STIFFNESS: stiffness_figure(f.ellipsoids, f.map.force_n)}
 
 
 def report(made: Predicted) -> Report:

@@ -234,10 +234,7 @@ def _start_configurations(vjm: Vjm, target: Target, start: Array | None) -> Arra
             return reached.q
     # Otherwise solve it from many random joints, and prefer solutions near the start or zero.
     near = arm.clip_to_limits(np.zeros(arm.n_joints) if start is None else start)
-    seeds = arm.draw_poses(np.random.default_rng(0), N_START_CONFIGURATIONS)
-    many = solve_inverse_kinematics(
-        vjm, select_rows(target, np.zeros(N_START_CONFIGURATIONS, dtype=int)), seeds
-    )
+    many = _from_random_starts(vjm, target)
     if not many.converged.any():
         return many.q[[np.argmin(many.distance_error + vjm.reach * many.angle_error)]]
     # First those with clearance to the limits, then by distance.
@@ -254,6 +251,13 @@ def _start_configurations(vjm: Vjm, target: Target, start: Array | None) -> Arra
     return np.array(kept)
 
 
+def _from_random_starts(vjm: Vjm, target: Target) -> InverseKinematics:
+    """Solve one pose from many random joints."""
+    every = select_rows(target, np.zeros(N_START_CONFIGURATIONS, dtype=int))
+    seeds = vjm.arm.draw_poses(np.random.default_rng(0), N_START_CONFIGURATIONS)
+    return solve_inverse_kinematics(vjm, every, seeds)
+
+
 def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
     """Find all joints that put the tool's origin into a pose, with hinges turned by 360 degrees too.
 
@@ -265,12 +269,8 @@ def configurations(vjm: Vjm, position: Array, rotation: Array) -> Array:
     Returns:
         Different solutions within the limits, (solutions, n) [rad, m].
     """
-    seeds = vjm.arm.draw_poses(np.random.default_rng(0), N_START_CONFIGURATIONS)
     lower, upper = vjm.arm.limits
-    target = Target(
-        np.tile(position, (N_START_CONFIGURATIONS, 1)), np.tile(rotation, (N_START_CONFIGURATIONS, 1, 1))
-    )
-    many = solve_inverse_kinematics(vjm, target, seeds)
+    many = _from_random_starts(vjm, Target(position[None], rotation[None]))
     turns = [(-1, 0, 1) if full else (0,) for full in vjm.arm.full_turn_joints]
     shifts = 2 * np.pi * np.array([*itertools.product(*turns)], dtype=float)
     q = (many.q[many.converged][:, None] + shifts).reshape(-1, len(lower))

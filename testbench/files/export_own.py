@@ -309,9 +309,7 @@ class RobotChain:
 
     file: Path
     text: str  #: Text of the file.
-    root: str  #: First link.
-    tip: str  #: Link that carries the tool.
-    bodies: tuple[Body, ...]  #: From the first link to the tip, fixed ones too.
+    bodies: tuple[Body, ...]  #: From the first link to the tip, which carries the tool; fixed ones too.
     names: tuple[str, ...]  #: Name of the joint before each body; "" for the first.
     loose_meshes: bool  #: Whether it names meshes by relative paths.
 
@@ -383,7 +381,7 @@ def chain_of(file: Path, text: str, root: ET.Element, arm: Arm, tip: str | None 
     before = {child.get("link", ""): name for child, name in pairs if child is not None}
     names = ("", *(before[body.name] for body in bodies[1:]))
     _check_joints(file, bodies, names, arm)
-    return RobotChain(file, text, bodies[0].name, bodies[-1].name, bodies, names, loose)
+    return RobotChain(file, text, bodies, names, loose)
 
 
 def _check_joints(file: Path, bodies: tuple[Body, ...], names: tuple[str, ...], arm: Arm) -> None:
@@ -426,8 +424,9 @@ def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, 
     links = [relative_pose(a, root @ u) for a, u in zip(model.bodies, rigid.bodies, strict=True)]
     tip = relative_pose(model.tool, links[-1] @ rigid.tool)
     q = random_joints(vjm)
+    names = [robot_chain.bodies[k].name for k in (0, *robot_chain.moving, -1)]
     theirs = urdf_link_poses(
-        robot_chain.file, robot_chain.text, [joint.name for joint in robot_chain.joints], robot_chain.tip, q
+        robot_chain.file, robot_chain.text, [joint.name for joint in robot_chain.joints], names[-1], q
     )
     far = frame_distance(root @ theirs, tool_poses(vjm, q) @ tip)
     if not max(far) <= MAX_DIFFERENCE:
@@ -443,7 +442,6 @@ def place_frames(robot_chain: RobotChain, state: ArmState) -> tuple[UrdfFrames, 
         onto_axis(link, theirs, ours, slide=slide)
         for link, theirs, ours, slide in zip(links[1:], axes, vjm.joint_axes, slides, strict=True)
     ]
-    names = [robot_chain.root, *(robot_chain.bodies[k].name for k in robot_chain.moving), robot_chain.tip]
     return UrdfFrames(
         names, root, (links[0], *exact), relative_pose(model.tool, exact[-1] @ rigid.tool)
     ), max(far)
@@ -474,11 +472,9 @@ def robot_origins(robot_chain: RobotChain, placed: UrdfFrames, geometry: Rigid) 
     wanted = relative_pose(placed.links[-1], geometry.tool @ placed.tip)
     moved = np.abs(have - wanted).max() > ROUNDING
     if moved and not behind:
-        raise InputError(
-            robot_chain.file,
-            "",
-            f"expected a fixed joint that leads to {robot_chain.tip!r}: the calibration moved the tool",
-        )
+        end = robot_chain.bodies[-1].name
+        problem = f"expected a fixed joint that leads to {end!r}: the calibration moved the tool"
+        raise InputError(robot_chain.file, "", problem)
     if moved:
         poses[robot_chain.names[cuts[-1]]] = wanted @ relative_pose(
             in_order([body.pose for body in behind[1:]]), np.eye(4)

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from testbench.arm.document import unused_name
-from testbench.arm.folder import Arm
+from testbench.arm.folder import Arm, beyond_limits
 from testbench.arm.mjcf import read_mjcf
 from testbench.errors import Array, BenchError, Ids, InputError, Mask, PoseError, check_array, check_least
 from testbench.plant.build import compile_mjcf
@@ -423,11 +423,8 @@ def check_poses(rigid_cell: RigidCell, q: Array) -> None:
         PoseError: At the first pose that is not; the message names the limit or the colliding bodies.
     """
     q = check_array(q, (None, rigid_cell.arm.n_joints), "q [rad, m]")
-    lower, upper = rigid_cell.arm.limits
-    for i, k in np.argwhere((q < lower) | (q > upper)):
-        joint = rigid_cell.arm.joints[k]
-        limits = f"{joint.lower:.4f} to {joint.upper:.4f}"
-        raise PoseError(f"pose {i + 1}: {joint.name} at {q[i, k]:.4f} {joint.unit}, expected {limits}")
+    for i, problem in beyond_limits(rigid_cell.arm.joints, q, slack=0.0):
+        raise PoseError(f"pose {i + 1}: {problem}")
     for i, pair in enumerate(find_collisions(rigid_cell, q)):
         if pair:
             raise PoseError(

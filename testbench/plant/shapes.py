@@ -226,10 +226,7 @@ def rotation_from_quaternion(quaternion: Array) -> Array:
 
 
 def quaternions_from_rotations(rotations: Array) -> Array:
-    """Convert rotation matrices to unit quaternions whose largest component is positive.
-
-    Every row of the symmetric matrix 4 q q^T is the quaternion q times one of its components. The row of the
-    largest component is normalised.
+    """Convert rotation matrices to unit quaternions.
 
     Args:
         rotations: Rotation matrices, (..., 3, 3) [1].
@@ -237,19 +234,10 @@ def quaternions_from_rotations(rotations: Array) -> Array:
     Returns:
         Quaternions (x, y, z, w), (..., 4) [1].
     """
-    xx, yy, zz = (rotations[..., k, k] for k in range(3))
-    xy, yz, zx = (rotations[..., j, i] + rotations[..., i, j] for i, j in ((0, 1), (1, 2), (2, 0)))
-    xw, yw, zw = (rotations[..., j, i] - rotations[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1)))
-    products = [
-        [1 + xx - yy - zz, xy, zx, xw],
-        [xy, 1 - xx + yy - zz, yz, yw],
-        [zx, yz, 1 - xx - yy + zz, zw],
-        [xw, yw, zw, 1 + xx + yy + zz],
-    ]
-    outer = np.moveaxis(np.array(products), (0, 1), (-2, -1))
-    largest = np.diagonal(outer, axis1=-2, axis2=-1).argmax(axis=-1)
-    q = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
-    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))
+    quaternions = np.empty((*rotations.shape[:-2], 4))
+    for quaternion, R in zip(quaternions.reshape(-1, 4), rotations.reshape(-1, 9), strict=True):
+        mujoco.mju_mat2Quat(quaternion, R)
+    return quaternions[..., [1, 2, 3, 0]]
 
 
 def rigid_frames(rigid_cell: RigidCell, q: Array) -> BodyFrames:

@@ -1,7 +1,8 @@
 """Pictures of an arm under load: along a program before and after correction, and in the poses of a file."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,12 +21,36 @@ from testbench.workflows.program import CorrectedProgram, Predicted, direction_w
 from testbench.workflows.program_numbers import predicted_bending
 from testbench.workflows.rows import MM
 
+if TYPE_CHECKING:
+    from testbench.report.figure import Figure
+
+STIFFNESS = "stiffness.png"  #: Figure of the ellipsoids.
 BEFORE, CORRECTED = "uncorrected program", "corrected program"
 WITHIN, EXPECTED, AFTER = f"{BEFORE}, 95 %", f"{BEFORE}, expected", f"{CORRECTED}, 95 %"
 LOOKS = dict.fromkeys((EXPECTED, WITHIN), Look(MEASURED, 1, prior=True)) | {AFTER: Look(GCO, 0, prior=True)}
 ERROR_LENGTH, MIN_ERROR_LENGTH = 0.15, 0.3  #: Most errors over the path's size [1], its least [m].
 MOVED = 0.15  #: Length of most deflections over the reach [1].
 TOOL = Look(GCO, 0, prior=True)
+
+
+def program_figures(
+    picture: str, force: float, said: Report, page: draw.PageContent
+) -> Mapping[str, "Figure"]:
+    """Draw the figures of a corrected program or of a prediction.
+
+    Args:
+        picture: Name of the picture of the run.
+        force: Force of the ellipsoids [N].
+        said: Report of the run.
+        page: Content of its page.
+
+    Returns:
+        Figures by the names of their files.
+    """
+    from testbench.report.run_figure import overview, stiffness_figure  # here: it imports matplotlib
+
+    rows = Row(said.numbers).ellipsoids
+    return {picture: overview(said, page), STIFFNESS: stiffness_figure(rows, force)}
 
 
 def draw_correction(cell: Cell, corrected_program: CorrectedProgram, said: Report) -> draw.PageContent:

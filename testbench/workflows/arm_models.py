@@ -218,8 +218,6 @@ def _read_document(folder: Path) -> Document:
     path = folder / DOCUMENT
     if not path.is_file():
         problem = f"expected the folder of a model that identify or calibrate wrote, with {DOCUMENT}"
-        if (folder / FITS).is_file():
-            problem = f"an earlier version wrote this folder, without {DOCUMENT}: identify again"
         raise InputError(folder, "", problem)
     text = read_text(path, MAX_BYTES)
     try:

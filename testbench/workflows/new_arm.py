@@ -137,20 +137,6 @@ def triangles(shapes: Sequence[ImportedShape]) -> Array:
     return np.concatenate([np.empty((0, 3, 3)), *(s.surface[0][s.surface[1]] for s in bearing)])
 
 
-def axial_extent(surface: Array, axis: Array) -> tuple[float, float]:
-    """Compute the extent of a surface along an axis.
-
-    Args:
-        surface: Triangles, (f, 3, 3) [m].
-        axis: Unit vector, (3,) [1].
-
-    Returns:
-        Least and largest coordinate [m].
-    """
-    along = surface @ axis
-    return float(along.min()), float(along.max())
-
-
 def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> float | None:
     """Compute the diameter of a circle with the area of a cross section's hull, median over the sections.
 
@@ -353,7 +339,8 @@ def _link(part: Body, line: Beam, payload: float, long: float) -> LinkProposal:
     outer: float | None = None
     told_by: ToldBy = "none"
     if len(surface):
-        low, high = axial_extent(surface, line.frame[:, 0])
+        along = surface @ line.frame[:, 0]
+        low, high = float(along.min()), float(along.max())
         told_by = "pieces"
         if line.distance >= SHORT_LINK * long:
             drawn = max(0.0, min(high, line.distance) - max(low, 0.0))

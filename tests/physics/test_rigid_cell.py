@@ -80,7 +80,7 @@ def test_a_pose_beyond_a_limit_is_named(kr500):
     for end in kr500.arm.limits[:, 1] + [-0.01, 0.01]:
         beyond = np.vstack([q, q])
         beyond[1, 1] = end
-        with pytest.raises(PoseError, match=r"pose 2: joint_2 at .*, expected"):
+        with pytest.raises(PoseError, match=r"pose 2: joint_2: expected .* deg, got"):
             places.check_poses(kr500.room, beyond)
 
 

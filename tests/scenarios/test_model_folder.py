@@ -175,15 +175,10 @@ def test_arrays_of_another_shape_or_kind_are_refused(small, tmp_path, case):
     assert "posterior.npz" in refusal(folder)
 
 
-def test_models_of_other_arms_and_of_earlier_versions_are_refused(small, tmp_path):
+def test_models_of_other_arms_are_refused(small, tmp_path):
     with pytest.raises(InputError, match=r"the model is of another arm, kr500_l480: its rigid\.xml differs"):
         tb.load_model(small, "ur10")
     with pytest.raises(InputError, match="expected the folder of a model"):
-        tb.load_model(tmp_path)
-    (tmp_path / "models.json").touch()
-    with pytest.raises(
-        InputError, match=r"an earlier version wrote this folder, without model\.json: identify again"
-    ):
         tb.load_model(tmp_path)
     said = "expected a model of testbench calibrate, got one of testbench identify"
     refused("calibrate", small, "none.csv", "--score", said=said)

@@ -90,7 +90,7 @@ def read_mjcf(file: Path, root: ET.Element) -> Robot:
     bodies: list[Body] = []
     index = {0: -1}  # of MuJoCo's body the last of ours, whose origin may lie on a joint
     origins = {0: np.zeros(3)}  # that origin in MuJoCo's body
-    for b in _by_depth(model):
+    for b in range(1, model.nbody):
         parent = int(model.body_parentid[b])
         before = pose_of(np.eye(3), -origins[parent]) @ _pose(model.body_pos[b], model.body_quat[b])
         split, origins[b] = _split(model, b, index[parent], before, len(bodies))
@@ -224,14 +224,6 @@ def _surfaces(file: Path, model: mujoco.MjModel) -> list[ImportedMesh]:
         triangles = model.mesh_face[face : face + int(model.mesh_facenum[k])].astype(int)
         imported_meshes.append(ImportedMesh(corners, triangles, convex_hull_vertices(corners)))
     return imported_meshes
-
-
-def _by_depth(model: mujoco.MjModel) -> list[int]:
-    """List ids of the bodies, those next to the world first."""
-    depth = [0]
-    for b in range(1, model.nbody):
-        depth.append(depth[model.body_parentid[b]] + 1)
-    return sorted(range(1, model.nbody), key=depth.__getitem__)
 
 
 def _split(model: mujoco.MjModel, b: int, parent: int, before: Array, count: int) -> tuple[list[Body], Array]:
