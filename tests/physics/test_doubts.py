@@ -30,10 +30,12 @@ from testbench.identify.diagnosis.deflections import (
 from testbench.identify.diagnosis.diagnose import MAX_RUNS_PER_BATCH, diagnose
 from testbench.identify.diagnosis.hypotheses import HYPOTHESES, describe
 from testbench.identify.diagnosis.kinematics import (
+    MAX_CORRECTION_ROUNDS,
     Issue,
     Observations,
     Submission,
     best_hypothesis,
+    correct_one_by_one,
     score_test,
 )
 from testbench.identify.diagnosis.moves import p_value
@@ -195,6 +197,24 @@ def test_the_example_of_the_docs_adds_a_mistake_that_is_named_first(sets):
     assert first.name == "gon"
     words = describe(first, vjm.arm, hypotheses=table).sentence
     assert "joint angles are gon, not degrees: which unit does the controller export? (median" in words
+
+
+def test_mistakes_are_undone_one_after_the_other():
+    """Each from data without those before; what cannot be undone is told once."""
+    seen = []
+
+    def correct_worst(case):
+        seen.append(case)
+        worst = max(case, default=0)
+        rest = case if worst == 3 else tuple(x for x in case if x != worst)
+        return ([Issue(str(worst))], rest) if worst else None
+
+    for data, kinds in (((5, 4), ["5", "4"]), ((5, 3, 1), ["5", "3"]), (tuple(range(10, 20)), "")):
+        seen.clear()
+        found, rest = correct_one_by_one(data, correct_worst)
+        assert [one.name for one in found] == kinds or len(found) == MAX_CORRECTION_ROUNDS
+        assert len(set(seen)) == len(seen)
+        assert not set(rest) & {int(one.name) for one in found if one.name != "3"}
 
 
 def test_a_hanging_arm_with_the_orientation_that_is_told_raises_no_doubt(made):
