@@ -42,6 +42,17 @@ def document(chunks, path):
     return columns(chunks, path)["TextDocument:text"][0][0]
 
 
+def documents(chunks, path):
+    """Texts of an entity in the order of the timeline on which a reader lands."""
+    data = columns(chunks, path)
+    return [text for _, [text] in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
+
+
+def rgb(colours):
+    """Red, green and blue of packed colours, 0 to 255 each."""
+    return [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in colours]
+
+
 def layout(file):
     """All entities of the embedded blueprint by path."""
     reader = RrdReader(file)

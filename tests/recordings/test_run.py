@@ -7,7 +7,7 @@ import pytest
 import rerun as rr
 from made_up_run import LOOK, REPORT, made_up_run
 from matplotlib.figure import Figure
-from read_back import chunks_of, columns, document, panes, rerun, series, sound, views
+from read_back import chunks_of, columns, document, documents, panes, rerun, rgb, series, sound, views
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
@@ -121,8 +121,7 @@ def test_a_reader_lands_on_the_pose_of_median_error_then_on_the_worst(seen, tmp_
     assert (size[own.first], own.worst) == (known[(len(known) - 1) // 2], ORDER[0])
     assert seen_plain(drawn)["scene"]["groups"][0]["first"] == own.first
     chunks = chunks_of(written(tmp_path / "typical.rrd", drawn))
-    data = columns(chunks, "/here/runs")
-    texts = [t[0] for _, t in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
+    texts = documents(chunks, "/here/runs")
     assert [text.partition("**")[2][0] for text in texts] == ["abcde"[k] for k in (own.first, *ORDER)]
     found = series(chunks, "/charts/runs/left_mm/one")
     assert np.array(found, float) == pytest.approx(size[ORDER], nan_ok=True)
@@ -190,8 +189,7 @@ def test_charts_hold_the_numbers_largest_first_with_their_intervals(chunks, seen
 
 
 def test_words_say_which_pose_is_shown_and_what_colours_are(chunks):
-    data = columns(chunks, "/here/runs")
-    texts = [t[0] for _, t in sorted(zip(data["typical_first"], data["TextDocument:text"], strict=True))]
+    texts = documents(chunks, "/here/runs")
     assert [text.partition("\n")[0] for text in texts] == [f"**{'abcde'[k]}.** {k} mm off" for k in SHOWN]
     assert all(f"{x}: " in texts[0].lower() for x in ("rust dots", "green arrows", "green lines"))
     assert "hidden" not in texts[0]
@@ -210,7 +208,7 @@ def test_a_map_has_a_ball_a_place_the_larger_and_brighter_the_more(chunks, seen)
     assert np.array(data["Points3D:positions"][0]) == pytest.approx(seen.map.at[known], abs=1e-6)
     radii = np.array(data["Points3D:radii"][0])
     assert (np.argsort(radii) == np.argsort(mm[known])).all()
-    colours = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in data["Points3D:colors"][0]]
+    colours = rgb(data["Points3D:colors"][0])
     assert colours[int(np.argmax(mm[known]))] == SCALE[-1]
     assert colours[int(np.argmin(mm[known]))] == SCALE[0]
     assert "0.500, 1.625, 2.750, 3.875, 5.000 mm" in document(chunks, "/map_words")
@@ -234,7 +232,7 @@ def test_the_winner_less_joint_stiffness_has_the_colour_of_the_one_that_errs_les
     known = np.isfinite(mm)
     off = (ours.values - mm)[known]
     data = columns(chunks, "/world/map/difference/field")
-    colours = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in data["Points3D:colors"][0]]
+    colours = rgb(data["Points3D:colors"][0])
     assert colours == [LOOK.colour if x < 0 else joints.look.colour for x in off]
     assert np.argmax(data["Points3D:radii"][0]) == np.argmax(np.abs(off))
     places = f"in {len(off) - 1} of {len(off)} places, by {np.abs(off).max():.3f} mm at most"
@@ -249,7 +247,7 @@ def test_lines_have_the_colour_of_their_model_and_a_cross_where_it_has_a_prior(c
     for line in seen.runs[0].lines:
         data = columns(chunks, f"/charts/runs/left_mm/{line.name}")
         for part in ("SeriesLines:colors", "SeriesPoints:colors"):
-            assert [c >> shift & 255 for c in data[part][0] for shift in (24, 16, 8)] == [*line.look.colour]
+            assert rgb(data[part][0]) == [line.look.colour]
         assert data["SeriesLines:names"] == [[line.name]]
         widths.append(data["SeriesLines:widths"][0][0])
         shapes[line.name] = data["SeriesPoints:markers"][0][0]
@@ -316,7 +314,7 @@ def test_a_run_without_a_scene_opens_on_its_figures_drawn_anew(chart, tmp_path):
     ]
     key = columns(chunks, "/figures/chart_0/key_0")
     assert key["Points2D:labels"] == [["MLS56"]]
-    assert [key["Points2D:colors"][0][0] >> shift & 255 for shift in (24, 16, 8)] == [0xC8, 0x83, 0x04]
+    assert rgb(key["Points2D:colors"][0]) == [(0xC8, 0x83, 0x04)]
 
 
 ERRORS = (0.4, 0.1)  #: Of "other" and "one".
@@ -428,8 +426,7 @@ def test_a_path_has_its_order_its_colours_on_one_scale_and_its_insets_in_the_fir
     assert page.scene.tube_scale.ends == (1.0, 4.0)
     shades = {}
     for name in ("before", "after"):
-        colours = columns(chunks, f"/world/{name}/{name}")["LineStrips3D:colors"][0]
-        shades[name] = [(c >> 24, c >> 16 & 255, c >> 8 & 255) for c in colours]
+        shades[name] = rgb(columns(chunks, f"/world/{name}/{name}")["LineStrips3D:colors"][0])
     assert shades["before"][0] == SCALE[-1]
     assert shades["before"][-1] == GREY
     assert shades["after"] == [SCALE[0]] * 4
