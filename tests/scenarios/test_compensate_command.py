@@ -361,12 +361,17 @@ def test_a_recording_of_what_nobody_measured_plots_the_interval_and_no_success(f
         assert text.index("Do not use the corrected program") < text.index("have no bound"), name
 
 
-def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bounded):
+@pytest.fixture(scope="module")
+def sure(folder, bounded):
+    """The same program, corrected by the library."""
     model = load_model(folder / "sure", None)
-    found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
-    most = 1e3 * (np.linalg.norm(found.found.error_after, axis=1) + found.found.error_half_width.max(axis=1))
+    return correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
+
+
+def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(sure):
+    most = 1e3 * (np.linalg.norm(sure.found.error_after, axis=1) + sure.found.error_half_width.max(axis=1))
     limit = float(np.median(most))
-    said = report(found, limit)
+    said = report(sure, limit)
     assert [row.verdict for row in said.numbers["rows"]] == ["pass" if mm <= limit else "fail" for mm in most]
     fails = int((most > limit).sum())
     assert 0 < fails < len(most)
@@ -378,7 +383,7 @@ def test_a_tolerance_judges_point_by_point_and_the_worst_comes_first(folder, bou
     assert shown == sorted(shown, reverse=True)
     assert shown[0] == pytest.approx(most.max())
     check(said, ["worst"])
-    assert report(found, 2 * float(most.max())).numbers["tolerance"].failed == 0
+    assert report(sure, 2 * float(most.max())).numbers["tolerance"].failed == 0
 
 
 def test_one_point_beyond_the_tolerance_is_enough_to_exit_with_1(folder, bounded, tmp_path, monkeypatch):
@@ -412,19 +417,13 @@ def test_tables_have_the_numbers_of_the_corrected_file(bounded):
         assert f"{line}\n" in f"{text}\n", line
 
 
-def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bound(kr500, folder, bounded):
+def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bound(kr500, sure):
     """What the correction leaves counts: a refused point is as far off as it was."""
-    model = load_model(folder / "sure", None)
-    found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
-    own = found.found
+    own = sure.found
     after = own.error_after.copy()
     after[3] = own.error_before[3]
-    found = replace(
-        found,
-        found=replace(
-            own, error_after=after, refusals=(*own.refusals[:3], Refusal("reach"), *own.refusals[4:])
-        ),
-    )
+    refused = (*own.refusals[:3], Refusal("reach"), *own.refusals[4:])
+    found = replace(sure, found=replace(own, error_after=after, refusals=refused))
     said = report(found)
     [chart] = draw_correction(kr500, found, said).runs
     before, half = 1e3 * np.linalg.norm(own.error_before, axis=1), 1e3 * own.error_half_width.max(axis=1)
@@ -435,30 +434,25 @@ def test_a_refused_point_is_as_far_off_as_it_was_and_a_bound_stands_beside_a_bou
     assert said.numbers["most_mm"].max == pytest.approx(corrected.max())
 
 
-def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(folder, bounded):
+def test_what_is_less_sure_than_the_correction_is_large_is_likely_not_harmful(sure):
     """Ten times less sure: bounds still shrink, the chance is that of a normal error along the correction."""
-    model = load_model(folder / "sure", None)
-    found = correct_program(model, read_program(bounded / "mill.csv", model.arm), Aim())
-    own = found.found
+    own = sure.found
     before, half = np.linalg.norm(own.error_before, axis=1), own.error_half_width.max(axis=1)
     widened = own.error_half_width * (1.2 * before / half)[:, None]
-    said = report(replace(found, found=replace(own, error_half_width=widened)))
+    said = report(replace(sure, found=replace(own, error_half_width=widened)))
     chance = NormalDist().cdf(1.959964 / 1.2 / 2)
     assert said.numbers["chance"] == pytest.approx(chance, rel=1e-5)
     assert (said.badge.verdict, said.numbers["harmful"]) == ("likely", False)
 
 
-def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded):
+def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(sure):
     """One point is refused, a joint stops in three, one turn is left, and a correction jumps."""
-    model = load_model(folder / "sure", None)
-    program = read_program(bounded / "mill.csv", model.arm)
-    found = correct_program(model, program, Aim())
-    own = found.found
+    own = sure.found
     held, turned, q = np.zeros_like(own.at_limit), np.zeros_like(own.rotation_error), own.q.copy()
     held[5:8, 4], turned[9, 1], q[8:, 3] = True, 2e-3, own.q[8:, 3] + 0.1
     refused = (*own.refusals[:3], Refusal("reach", excess=0.02), *own.refusals[4:])
     own = replace(own, at_limit=held, rotation_error=turned, q=q, refusals=refused)
-    said = report(replace(found, found=own))
+    said = report(replace(sure, found=own))
     off, moved = (
         np.linalg.norm(own.error_before, axis=1),
         np.degrees(np.abs(np.diff(q - own.programmed_q, axis=0)).max()),
@@ -472,7 +466,7 @@ def test_what_joints_cannot_do_raises_a_warning_with_its_numbers(folder, bounded
     ):
         assert warning in said.claims
     assert f"| 5 | 4 | {1e3 * off[3]:.3f} |" in text
-    free = replace(found, aim=Aim("position"), found=replace(own, at_limit=0 * held > 1))
+    free = replace(sure, aim=Aim("position"), found=replace(own, at_limit=0 * held > 1))
     assert correction_numbers(free).turns_mrad == pytest.approx(2.0)
 
 
