@@ -48,7 +48,7 @@ MODELS = (
 PAGE = 3  #: Of these columns, the last ones, that a terminal has no room for.
 WORST = (
     TableColumn("name", "model"),
-    TableColumn("typical_mm", "95 % half width, median", "mm", none="no bound"),
+    TableColumn("half_mm", "95 % half width, median", "mm", none="no bound"),
     TableColumn("worst_mm", "95 % half width, largest", "mm", none="no bound"),
     TableColumn("unbounded", "poses without bound", form="d"),
     TableColumn("place", "place of the largest half width, m"),
@@ -168,10 +168,11 @@ def report(f: Row) -> Report:
     )
     laws = tuple(c for c in (*LAWS, *own_laws) if any(c.value(row) is not None for row in f.laws))
     told, rest = "part parameters told_percent decided_by_prior", f.get("identifiability")
+    uncertain = [Row(row, half_mm=row.typical_mm) for row in f.map.errors.rows()[::-1]] if f.map else []
     tables = {
         "models": table_of(f, MODELS),
         "fit": Table(SINGLE, _fit(f), "The fit"),
-        "elsewhere": Table(WORST, f.map.errors.rows()[::-1] if f.map else [], "Uncertainty at other poses"),
+        "elsewhere": Table(WORST, uncertain, "Uncertainty at other poses"),
         "laws": Table(laws, f.laws, "Joints that are more than linear springs"),
         "runs": Table(
             columns("which_run pose moved_mm taken_mm"),
