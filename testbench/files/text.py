@@ -199,6 +199,8 @@ NO_TEXT = {
 MINUS = "\u2212"  #: The sign of typesetters, which is read as a hyphen.
 ROW_NAME = re.compile(r'\s*"\d+"')  #: Number of a row, which R writes in quotes and without a name.
 COMMENTS = ("#", "//")
+MAX_LINE_LENGTH = 1_000_000
+"""Most letters of a line."""
 JOINED = 20
 """Most lines of one quoted cell."""
 BLANK = ' ;,|\t"'
@@ -656,9 +658,14 @@ def rows_of(path: Path, header: TableHeader, lines: Sequence[str]) -> tuple[byte
 
     Raises:
         UnevenRows: If a row has another number of cells than the header.
+        InputError: If a line has more than `MAX_LINE_LENGTH` letters.
     """
     count, (_, mark) = len(header.names), _divided("", header.delimiter)
     blanks, rows = _blanks(header.delimiter), list[str]()
+    for k, line in enumerate(lines, start=1):
+        if len(line) > MAX_LINE_LENGTH:
+            problem = f"expected at most {MAX_LINE_LENGTH} letters, got {len(line)}"
+            raise InputError(path, f"line {k}", problem)
     for k in header.body:
         line = _divided(lines[k], header.delimiter)[0] if blanks else lines[k]
         if '"' in line or line.count(mark) != count - 1:
