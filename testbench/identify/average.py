@@ -634,7 +634,8 @@ def _average_laws(
     regression: Regression, constraint: Constraint, prior: PriorScaling, *, for_intervals: bool
 ) -> tuple[Estimate, float | None]:
     """Average models with uncoupled joints, with and without laws; also return the evidence."""
-    plain = scaling_without_joint_laws(prior)
+    structure = linear(prior.structure)
+    plain = prior if structure is prior.structure else restrict_scaling(prior, structure)
     compliances = regression if plain is prior else restrict_regression(regression, plain.structure)
     linear_mean, log_evidence = _average_joints(compliances, constraint, plain, for_intervals)
     if plain is prior or log_evidence is None:
@@ -682,15 +683,6 @@ def _mixed(part: tuple[float, Estimate], others: ModelAverage) -> tuple[tuple[fl
 # --- Parts of a model ---------------------------------------------------------------------------------------
 
 
-def scaling_without_joint_laws(scaling: PriorScaling) -> PriorScaling:
-    """Remove the sizes of joint laws from a prior in units pi = L x, so that only compliances remain."""
-    return (
-        scaling
-        if not scaling.is_joint_law_size.any()
-        else restrict_scaling(scaling, linear(scaling.structure))
-    )
-
-
 def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScaling:
     """Restrict a prior, as units pi = L x, to fewer unknowns; the others are zero.
 
@@ -702,10 +694,7 @@ def restrict_scaling(scaling: PriorScaling, structure: Structure) -> PriorScalin
         Units and expectation of these unknowns alone.
     """
     places = structure.indices_in(scaling.structure)
-    row, column = scaling.structure.upper_triangles
-    wanted = set(zip(structure.rows.tolist(), structure.columns.tolist(), strict=True))
-    in_structure = [pair in wanted for pair in zip(row.tolist(), column.tolist(), strict=True)]
-    keep = np.flatnonzero(in_structure)
+    keep = np.flatnonzero(np.isin(scaling.structure.parameter_of_entry, places))
     return PriorScaling(
         scaling.prior_name, structure, scaling.L[np.ix_(places, keep)], scaling.expected_x[keep]
     )

@@ -49,8 +49,7 @@ LOAD_LEVEL_DECIMALS = 1
 class Fold:
     """Hold one split of the data: equations that are fitted, and equations that are held out."""
 
-    fitted_groups: Ids  #: Numbers of the groups of runs that are fitted, (k,).
-    fitted_equations: GroupedRegression  #: The equations of these groups.
+    fitted_equations: GroupedRegression  #: The equations of the groups of runs that are fitted.
     held_out_regression: Regression  #: The equations of all other groups.
 
     @cached_property
@@ -108,7 +107,7 @@ def folds(equations: GroupedRegression) -> list[Fold]:
         raise BenchError("cross-validation: expected at least 2 poses, got 1")
     held = [labels == k for labels in (pose, load) for k in np.unique(labels)]
     pairs = [(numbers[~labels], numbers[labels]) for labels in held if not labels.all()]
-    return [Fold(kept, equations.select_groups(kept), equations.to_regression(out)) for kept, out in pairs]
+    return [Fold(equations.select_groups(kept), equations.to_regression(out)) for kept, out in pairs]
 
 
 @dataclass(frozen=True)

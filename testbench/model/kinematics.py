@@ -226,11 +226,10 @@ def _rotation(arm: Arm, body: ET.Element, unit: float) -> Array:
         if key == "euler":  # about x, then the new y, then the new z
             x, y, z = map(pin.utils.rotate, "xyz", unit * values)
             return np.asarray(x @ y @ z)
-        return (
-            _rotation_from_axes(values[:3], values[3:])
-            if key == "xyaxes"
-            else _rotation_from_z(_unit_vector(values))
-        )
+        if key == "xyaxes":
+            return _rotation_from_axes(values[:3], values[3:])
+        shortest = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), _unit_vector(values))
+        return np.asarray(shortest.matrix())
     except ZeroDivisionError:
         raise InputError(arm.mjcf_path, where, f"{key}: expected directions, got {body.get(key)!r}") from None
 
@@ -247,14 +246,6 @@ def _rotation_from_axes(x: Array, y: Array) -> Array:
     x = _unit_vector(x)
     y = _unit_vector(y - (x @ y) * x)
     return np.column_stack([x, y, np.cross(x, y)])
-
-
-def _rotation_from_z(z: Array) -> Array:
-    """Build the shortest rotation that takes the z axis to a direction; about x where that is -z."""
-    across = np.cross([0.0, 0.0, 1.0], z)
-    sine = float(np.linalg.norm(across))
-    axis = np.array([1.0, 0.0, 0.0]) if sine < MIN_DIRECTION_LENGTH else across / sine
-    return np.asarray(pin.AngleAxis(float(np.arctan2(sine, z[2])), axis).matrix())
 
 
 # --- Errors of the joints themselves: transmission errors that are linear in unknown coefficients -----------

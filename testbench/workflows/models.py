@@ -491,7 +491,7 @@ def _errors(cell: Cell, model: Model, data: Dataset, reduced: GroupedRegression)
         if isinstance(method, Method):
             pi = method.fit_reduced(cell.vjm, fold.fitted_equations, for_intervals=False).pi
             return np.pad(pi, (0, model.structure.n_parameters - len(pi)))  # laws are last
-        return fit_model(cell, model, select_runs(data, np.isin(part, fold.fitted_groups))).pi
+        return fit_model(cell, model, select_runs(data, np.isin(part, fold.fitted_equations.groups))).pi
 
     held = folds(reduced)
     return np.array([f_m(fold.held_out_regression, fit(fold)) for fold in stepwise(held, "cross-validating")])
