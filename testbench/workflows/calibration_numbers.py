@@ -33,7 +33,6 @@ from testbench.identify.absolute.state import (
 from testbench.identify.estimate import Estimate
 from testbench.identify.posterior import Posterior
 from testbench.identify.registration import READING_LOSS
-from testbench.model.kinematics import JointErrorTerms
 from testbench.runs.rows import Row
 from testbench.workflows.absolute import FREE_DEVIATION as LOOSE_FRAME
 from testbench.workflows.absolute import (
@@ -522,23 +521,14 @@ def _left_open(calibration: Calibration) -> tuple[str, ...]:
 def _slow(active: ActiveUnknowns) -> tuple[Unknowns, Ids]:
     """The unknowns without periodic errors of higher orders, and where they stand among all."""
     unknowns, errors = active.unknowns, active.unknowns.error_terms
-    few = JointErrorTerms(errors.orders[:ORDERS], errors.ratio, errors.play, errors.stiffening)
-    k, m = len(errors.orders), len(few.orders)
-    of = np.r_[np.arange(m), k + np.arange(m), np.arange(2 * k, errors.n_coefficients)]
-    at = (
-        unknowns.first_columns["errors"]
-        + errors.n_coefficients * np.arange(unknowns.vjm.arm.n_joints)[:, None]
-        + of
-    )
-    before, after = (
-        np.arange(unknowns.first_columns["errors"]),
-        np.arange(unknowns.first_columns["elastic"], unknowns.size),
-    )
-    structure = unknowns.structure
+    every, size = np.arange(unknowns.size), errors.n_coefficients
+    kept = np.pad(np.tile(errors.orders, 2), (0, size - 2 * len(errors.orders))) <= ORDERS
+    of_joints = every[unknowns.columns("errors")].reshape(unknowns.vjm.arm.n_joints, size)[:, kept]
+    structure, elastic = unknowns.structure, every[unknowns.columns("elastic")]
     if active.compliance_prior is not None:
-        structure, after = active.compliance_prior.structure, active.columns[active.n_rigid :]
-    columns = np.concatenate([before, at.ravel(), after])
-    return replace(unknowns, error_terms=few, structure=structure), columns
+        structure, elastic = active.compliance_prior.structure, active.columns[active.n_rigid :]
+    few = replace(unknowns, error_terms=replace(errors, orders=errors.orders[:ORDERS]), structure=structure)
+    return few, np.concatenate([every[: unknowns.first_columns["errors"]], of_joints.ravel(), elastic])
 
 
 def rows_of(calibrated: Calibrated, left: RemainingErrors, some: Ids) -> Row:

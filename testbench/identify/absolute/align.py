@@ -16,7 +16,7 @@ such frames and mounts, and a prior determines them. Another series of the same 
 tool rotates, makes the prior unnecessary.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -569,31 +569,28 @@ def align(state: ArmState, series: Series, block_faces: Sequence[Series] = ()) -
     if series.distance is not None:
         same = [one for one in block_faces if (one.mount, one.markers) == (series.mount, series.markers)]
         return _by_distances(state, series, same or [series])
-    # By the series alone; else with the frame or mount that the state has.
-    few = underdetermined_reason(state.vjm, series)
-    aligned_series = None if _is_underdetermined(state.vjm, series) else _register_subset(state, series)
-    if aligned_series is None or not aligned_series.fits_nominal_arm:
-        shared = _register_subset(state, series, shared=True)
-        aligned_series = shared if shared is not None and shared.fits_nominal_arm else aligned_series
-    # Else with the targets of the arm's folder, if enough joints turn.
-    turns = len(moving_joints(state.vjm, (series,)))
-    if aligned_series is None and not few and turns >= MIN_MOVING_JOINTS:
-        drawn = _register_subset(state, series, as_drawn=True)
-        aligned_series = (
-            drawn if drawn is not None and drawn.fits_nominal_arm else _register_subset(state, series)
-        )
-    if aligned_series is None and (few or turns < MIN_MOVING_JOINTS):
+    # By the series alone; else with the frame or mount that the state has; else, if enough joints turn, with
+    # nominal targets.
+    few, turns = underdetermined_reason(state.vjm, series), len(moving_joints(state.vjm, (series,)))
+    enough, determined = not few and turns >= MIN_MOVING_JOINTS, not _is_underdetermined(state.vjm, series)
+    ways = [*[_registered] * determined, _registered_as_shared, *[_level_layout] * enough]
+    placed = None
+    for place in (*ways, *[_registered] * (enough and not determined)):
+        tried = _aligned(state, series, place)
+        if tried is not None and tried.fits_nominal_arm:
+            return tried.frame, tried.mount
+        if place is _registered:
+            placed = tried
+    if placed is None and not enough:
         open_ = "its poses do not determine frame and target; turn joints whose axes are not parallel"
         raise BenchError(f"{series.name}: {few or open_}")
-    if aligned_series is None or not aligned_series.fits_nominal_arm:
-        # Something may have moved in mid-series: the frame and mount of its first half.
-        halves = np.array_split(np.argsort(series.row_id, kind="stable"), 2)
-        parts = [select_rows(series, half) for half in halves if len(half) >= MIN_ROWS_OF_HALF_SERIES]
-        placed = [part for half in parts if (part := _register_subset(state, half)) and part.fits_nominal_arm]
-        if len(placed) < 2:
-            raise _misfit(state, series, aligned_series)
-        aligned_series = placed[0]
-    return aligned_series.frame, aligned_series.mount
+    # Something may have moved in mid-series: the frame and mount of its first half.
+    halves = np.array_split(np.argsort(series.row_id, kind="stable"), 2)
+    parts = [select_rows(series, half) for half in halves if len(half) >= MIN_ROWS_OF_HALF_SERIES]
+    fits = [part for half in parts if (part := _aligned(state, half, _registered)) and part.fits_nominal_arm]
+    if len(fits) < 2:
+        raise _misfit(state, series, placed)
+    return fits[0].frame, fits[0].mount
 
 
 def _by_distances(state: ArmState, series: Series, parts: Sequence[Series]) -> tuple[Frame, Mount]:
@@ -742,17 +739,13 @@ class _AlignedSeries:
         return self.near and self.turn < MAX_ORIENTATION_ERROR
 
 
-def _register_subset(
-    state: ArmState, series: Series, *, shared: bool = False, as_drawn: bool = False
+def _aligned(
+    state: ArmState, series: Series, place: Callable[[ArmState, Series], FramesAndTargets | None]
 ) -> _AlignedSeries | None:
-    """Register a series by MAX_ALIGNED_ROWS of its rows.
-
-    A shared frame or mount is that of the state; with `as_drawn` the targets are nominal. None if
-    undetermined.
-    """
+    """Place a series by MAX_ALIGNED_ROWS of its rows; None if these do not determine it."""
     seen = np.flatnonzero(series.is_measured.any(axis=1))
     sample = select_rows(series, seen[evenly_spaced(len(seen), MAX_ALIGNED_ROWS)])
-    layout = _level_layout(state, sample) if as_drawn else _registered(state, sample, shared=shared)
+    layout = place(state, sample)
     if layout is None:
         return None
     typical = float(np.median(np.linalg.norm(left_by(mean_readings(state.vjm, (sample,)), layout), axis=1)))
@@ -769,22 +762,27 @@ def _register_subset(
     )
 
 
-def _registered(state: ArmState, series: Series, *, shared: bool) -> FramesAndTargets | None:
-    """Register a series, with the state's frame and mount where they are shared; None if undetermined."""
-    frame, mount = state.frames.get(series.frame), state.mounts.get(series.mount)
-    given = {series.frame: frame} if shared and frame is not None else {}
-    nominal = dict(zip(mount.markers, mount.points, strict=True)) if shared and mount is not None else {}
-    if shared and not given and not nominal:
+def _registered(state: ArmState, series: Series) -> FramesAndTargets | None:
+    """Register a series by its own readings; None if these do not determine frame and targets."""
+    try:
+        return register(state.vjm, (series,), {}).frames_and_targets
+    except BenchError:
         return None
+
+
+def _registered_as_shared(state: ArmState, series: Series) -> FramesAndTargets | None:
+    """Register a series with the state's frame or mount; None if it has neither or they do not suffice."""
+    frame, mount = state.frames.get(series.frame), state.mounts.get(series.mount)
+    if frame is None and mount is None:
+        return None
+    given = {} if frame is None else {series.frame: frame}
+    nominal = {} if mount is None else dict(zip(mount.markers, mount.points, strict=True))
     try:
         registration = register(state.vjm, (series,), nominal, given)
     except BenchError:
         return None
-    return (
-        None
-        if shared and registration.frames[series.frame].rotation_deviation > MAX_FRAME_DEVIATION
-        else registration.frames_and_targets
-    )
+    deviation = registration.frames[series.frame].rotation_deviation
+    return None if deviation > MAX_FRAME_DEVIATION else registration.frames_and_targets
 
 
 def _level_layout(state: ArmState, series: Series) -> FramesAndTargets:

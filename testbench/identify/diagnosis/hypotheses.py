@@ -198,9 +198,8 @@ def _alternative(
 
 def _frame(observations: Observations) -> KinematicCorrections:
     if not observations.free_parameters.frame:
-        free = replace(observations.free_parameters, frame=True)
         yield Correction(
-            corrected_data=replace(observations, free_parameters=free),
+            corrected_data=observations.with_free(frame=True),
             is_large=any_vector_longer_than(MIN_FRAME_TURN, MIN_FRAME_SHIFT),
         )
 
@@ -219,9 +218,7 @@ def _frame_sentence(issue: Issue, _: Arm) -> str:
 def _targets(observations: Observations) -> KinematicCorrections:
     if not observations.free_parameters.targets:
         yield Correction(
-            corrected_data=replace(
-                observations, free_parameters=replace(observations.free_parameters, targets=True)
-            ),
+            corrected_data=observations.with_free(targets=True),
             is_large=any_vector_longer_than(MIN_TARGET_SHIFT),
         )
 
@@ -233,19 +230,14 @@ def _targets_sentence(issue: Issue, _: Arm) -> str:
 
 
 def _mirrored(observations: Observations) -> KinematicCorrections:
-    yield Correction(
-        corrected_data=replace(
-            observations, free_parameters=replace(observations.free_parameters, frame=True, mirrored=True)
-        )
-    )
+    yield Correction(corrected_data=observations.with_free(frame=True, mirrored=True))
 
 
 def _link(observations: Observations) -> KinematicCorrections:
     for k, link in enumerate(observations.vjm.arm.links[1:-1], start=1):
-        free = replace(observations.free_parameters, theta=(6 * k, 6 * k + 1, 6 * k + 2))
         yield Correction(
             (link.name,),
-            corrected_data=replace(observations, free_parameters=free),
+            corrected_data=observations.with_free(theta=(6 * k, 6 * k + 1, 6 * k + 2)),
             is_large=any_vector_longer_than(MIN_FRAME_SHIFT),
         )
 
@@ -261,11 +253,10 @@ def _joint_zero(observations: Observations) -> KinematicCorrections:
         is_large = any_component_above(
             (LAST_JOINT_ZERO_FACTOR if k == len(joints) - 1 else 1.0) * MIN_JOINT_ZERO_ERROR[joint.prismatic]
         )
-        free = replace(observations.free_parameters, theta=(links + k,))
         yield Correction(
             (joint.name,),
             np.zeros(1),
-            corrected_data=replace(observations, free_parameters=free),
+            corrected_data=observations.with_free(theta=(links + k,)),
             parameter_count=1,
             is_large=is_large,
         )

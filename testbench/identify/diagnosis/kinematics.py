@@ -35,7 +35,7 @@ losses are least.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations
-from typing import Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -283,6 +283,10 @@ class Observations:
             pose_id=self.pose_id[rows],
             rotation=rotation,
         )
+
+    def with_free(self, **changes: Any) -> "Observations":
+        """Return the readings with other free parameters, by the names of `FreeParameters`."""
+        return replace(self, free_parameters=replace(self.free_parameters, **changes))
 
     def with_orientations(self, position: Array, rotation: Array) -> "Observations":
         """Return the readings with other positions and orientations.
