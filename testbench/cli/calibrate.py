@@ -198,7 +198,7 @@ def report(
         The report.
     """
     f, chosen = counted.numbers(found, left, more), found.calibration.selection
-    length = np.sqrt(mean_numbers_per_reading(found.series))
+    length = np.sqrt(mean_numbers_per_reading(found.calibration.series))
     plain_mm, own_mm = (MM * length * x for x in chosen.held_out_rms)
     rival = f"arm with only {chosen.simpler_model}" if chosen.simpler_model else NOMINAL_ARM
     answer = say(

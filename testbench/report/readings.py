@@ -260,7 +260,7 @@ def _read_from(calibrated: Calibrated, rows: Row) -> list[draw.Layer]:
     plane_faces: dict[object, tuple[str, Array, Array]] = {}
     points: dict[object, tuple[str, Array]] = {}
     start, half = np.full_like(rows.read, np.nan), FACE * reach
-    for series in calibrated.series:
+    for series in calibrated.calibration.series:
         if series.distance is None:
             continue
         frame, own = state.frame(series), rows.name == series.name

@@ -47,7 +47,6 @@ from testbench.identify.absolute.state import Unknowns, nominal_state, torque_sc
 from testbench.identify.diagnosis.diagnose import explain_unregistered_series
 from testbench.identify.diagnosis.gravity import mounting_by_own_weight
 from testbench.identify.diagnosis.hypotheses import describe
-from testbench.identify.diagnosis.kinematics import Issue
 from testbench.identify.observability import (
     NamedQuantity,
     UndeterminedQuantity,
@@ -78,7 +77,6 @@ class Calibrated:
     """Hold a calibration and what it was made from."""
 
     calibration: Calibration
-    series: tuple[Series, ...]
     notes: tuple[str, ...]  #: What was understood and assumed.
     mounting: str = ""  #: How the base seems to stand, if not as the arm's folder says, in a sentence.
 
@@ -187,14 +185,9 @@ def raise_explanation(vjm: Vjm) -> Iterator[None]:
     except Misfit as err:
         issue = explain_unregistered_series(vjm, err.series)
         hint = ": another arm, another notation of angles or order of its joints, or other units?"
-        if issue is not None and issue.name != "kinematics" and _helps(issue):
+        if issue and issue.name != "kinematics" and issue.details["now"] < issue.details["was"]:
             hint = f"; {describe(issue, vjm.arm, err.series.joint_columns).sentence}"
         raise BenchError(f"{err}{hint}") from err
-
-
-def _helps(issue: Issue) -> bool:
-    """Whether most readings are nearer to the arm with a mistake undone."""
-    return "was" not in issue.details or issue.details["now"] < issue.details["was"]
 
 
 def kinematic_misfit(vjm: Vjm, series: Sequence[Series]) -> float:
@@ -247,7 +240,6 @@ def calibrate_with_masses(
     mounted = mounting_by_own_weight(calibration.state, calibration.series, cad_prior(vjm.arm))
     return Calibrated(
         calibration,
-        calibration.series,
         (*said, *words),
         describe(mounted, vjm.arm).sentence if mounted else "",
     )
@@ -255,10 +247,12 @@ def calibrate_with_masses(
 
 def hidden_geometry(calibrated: Calibrated) -> str:
     """Say what geometry that no arm has may hide, such as a joint's zero."""
-    why = explain_unregistered_series(calibrated.calibration.state.vjm, calibrated.series[0])
+    why = explain_unregistered_series(calibrated.calibration.state.vjm, calibrated.calibration.series[0])
     if why is None or why.name == "kinematics":
         return "is the zero of a joint wrong, or is it another arm?"
-    return describe(why, calibrated.calibration.state.vjm.arm, calibrated.series[0].joint_columns).sentence
+    return describe(
+        why, calibrated.calibration.state.vjm.arm, calibrated.calibration.series[0].joint_columns
+    ).sentence
 
 
 BY_ANOTHER_SERIES = "another series with the same target or frame determines it"

@@ -121,7 +121,7 @@ RemainingErrors = tuple[list[Array], list[Array]]
 
 def remaining_errors(calibrated: Calibrated) -> RemainingErrors:
     """Find what the arms as drawn and as calibrated leave of the readings; zero where a target was lost."""
-    state, series = calibrated.calibration.state, calibrated.series
+    state, series = calibrated.calibration.state, calibrated.calibration.series
     drawn = align_all(nominal_state(state.vjm, state.body_masses, state.torque_scale), series)
     before, after = (
         [residuals(arm, one)[: len(one.markers)].transpose(2, 0, 1) for one in series]
@@ -141,7 +141,7 @@ def numbers(calibrated: Calibrated, left: RemainingErrors, more: tuple[float, fl
     Returns:
         Numbers by their keys in report.json, lengths in mm.
     """
-    calibration, series = calibrated.calibration, calibrated.series
+    calibration, series = calibrated.calibration, calibrated.calibration.series
     before, after = (
         [np.linalg.norm(x, axis=2)[one.is_measured] for one, x in zip(series, every, strict=True)]
         for every in left
@@ -548,8 +548,8 @@ def rows_of(calibrated: Calibrated, left: RemainingErrors, some: Ids) -> Row:
     state = calibrated.calibration.state
     first = 0
     parts = []
-    targets = max(len(one.markers) for one in calibrated.series)
-    for series, *both in zip(calibrated.series, *left, strict=True):
+    targets = max(len(one.markers) for one in calibrated.calibration.series)
+    for series, *both in zip(calibrated.calibration.series, *left, strict=True):
         at = some[(first <= some) & (some < first + series.n_rows)] - first
         parts.append(_rows_of_one(state, select_rows(series, at), [x[at] for x in both], targets))
         first += series.n_rows
@@ -588,7 +588,7 @@ def largest_remaining_error(calibrated: Calibrated, left: RemainingErrors) -> Ar
     """
     sizes = [
         np.where(series.is_measured, np.linalg.norm(x, axis=2), -1.0).max(axis=1)
-        for series, x in zip(calibrated.series, left[1], strict=True)
+        for series, x in zip(calibrated.calibration.series, left[1], strict=True)
     ]
     return np.concatenate(sizes)
 

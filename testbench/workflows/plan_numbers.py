@@ -366,7 +366,7 @@ def _absolute(made: AbsolutePlanned) -> Row:
         before_mm=None
         if made.given is None
         else MM * absolute.prior_error_after_alignment(union, made.wanted),
-        filled=[] if made.given is None else list(joint_coverage(arm, made.given.series, plan.q)),
+        filled=[] if made.given is None else list(joint_coverage(arm, made.given.calibration.series, plan.q)),
         plan=_measured(made, ("sag", absolute.sag(union, plan.q))),
         scale=scale,
         hidden=_hidden(made, scale),

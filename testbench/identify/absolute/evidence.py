@@ -428,57 +428,44 @@ def solve_step(
     # Triangular factor of all equations: the r other unknowns first, compliances last.
     T = triangular_factor_with_priors(active_unknowns, reduced_readings, scales)
     r, c = active_unknowns.n_rigid, len(active_unknowns.columns)
-    if active_unknowns.compliance_prior is None:
-        step = StepSolution(solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r], None, 0.0, 0.0, None)
-    else:
-        step = _solve_compliances(
-            T,
-            active_unknowns.compliance_prior,
-            int(reduced_readings.n_equations.sum()),
-            constraint,
-            prior_uncertainty,
+    x, root = solve_triangular(T[:r, :r], T[:r, c]), T[:r, :r]
+    estimate, weighted_prior, pressure = None, None, 0.0
+    prior = active_unknowns.compliance_prior
+    if prior is not None:
+        # The lower rows of T are the equations of the compliances alone.
+        regression = compliance_equations(T, prior, int(reduced_readings.n_equations.sum()))
+        weighted_prior = (
+            WeightedPrior(prior, prior_uncertainty) if prior_uncertainty else _scaled_prior(regression, prior)
         )
+        estimate = solve(regression, constraint, weighted_prior)
+        pressure = _cone_pressure(regression, weighted_prior, estimate)
+        x, root = back_substitute(T, estimate.pi), _precision_root(T, prior, weighted_prior)
     # Degrees of freedom: the share of each prior variance that the readings remove.
-    inverse = solve_triangular(step.precision_root[:r, :r], np.eye(r))
+    inverse = solve_triangular(root[:r, :r], np.eye(r))
     deviation = scales.deviation[active_unknowns.columns[:r]]
     held = np.isfinite(deviation)
     known = 1 - (inverse[held] ** 2).sum(axis=1) / deviation[held] ** 2
-    step = replace(step, degrees_of_freedom=float(np.maximum(known, 0).sum() + (~held).sum() + c - r))
+    degrees_of_freedom = float(np.maximum(known, 0).sum() + (~held).sum() + c - r)
     if (basis := active_unknowns.unknowns.equation_basis) is not None:
         # From the basis of a shared pattern back to the joints.
         B = basis[active_unknowns.columns][:, active_unknowns.columns].toarray()  # its columns are orthogonal
-        root = np.asarray(np.linalg.qr(step.precision_root / (B**2).sum(axis=0) @ B.T, mode="r"))
-        step = replace(step, x=B @ step.x, precision_root=root)
-    return step
+        x, root = B @ x, np.asarray(np.linalg.qr(root / (B**2).sum(axis=0) @ B.T, mode="r"))
+    return StepSolution(x, root, estimate, degrees_of_freedom, pressure, weighted_prior)
 
 
-def _solve_compliances(
-    T: Array,
-    compliance_prior: PriorScaling,
-    equations: int,
-    constraint: Constraint,
-    prior_uncertainty: PriorUncertainty | None,
-) -> StepSolution:
-    """Solve for compliances by the last rows of T, (c + 1, c + 1), then for all other unknowns."""
+def _precision_root(T: Array, compliance_prior: PriorScaling, weighted_prior: WeightedPrior) -> Array:
+    """Compute the root of the precision of all unknowns by likelihood and prior, (c, c).
+
+    T is the triangular factor of all equations, (c + 1, c + 1); compliances are in units of the prior.
+    """
     c = len(T) - 1
     r = c - len(compliance_prior.expected_x)
-    # The lower rows of T are the equations of the compliances alone.
-    regression = compliance_equations(T, compliance_prior, equations)
-    weighted_prior = (
-        WeightedPrior(compliance_prior, prior_uncertainty)
-        if prior_uncertainty
-        else _scaled_prior(regression, compliance_prior)
-    )
-    estimate = solve(regression, constraint, weighted_prior)
-    pressure = _cone_pressure(regression, weighted_prior, estimate)
-    # Posterior precision: likelihood and prior of the compliances, in units of the prior.
     L, B = compliance_prior.L, prior_rows(weighted_prior.scaling, weighted_prior.uncertainty)[0]
     B = B @ np.linalg.solve(weighted_prior.scaling.L, L)
     below = np.asarray(np.linalg.qr(np.vstack([T[r:c, r:c] @ L, B]), mode="r"))
     if weighted_prior.hyperparameter_effect is not None:
         below = _add_covariance(below, np.asarray(np.linalg.solve(L, weighted_prior.hyperparameter_effect.T)))
-    root = np.block([[T[:r, :r], T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
-    return StepSolution(back_substitute(T, estimate.pi), root, estimate, 0.0, pressure, weighted_prior)
+    return np.block([[T[:r, :r], T[:r, r:c] @ L], [np.zeros((c - r, r)), below]])
 
 
 def _cone_pressure(regression: Regression, weighted_prior: WeightedPrior, estimate: Estimate) -> float:
