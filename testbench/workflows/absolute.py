@@ -462,9 +462,8 @@ def unobservable(
     on, L = np.flatnonzero(np.diag(prior)), np.zeros_like(prior)
     L[np.ix_(on, on)] = np.linalg.cholesky(prior[np.ix_(on, on)])
     every = structural_directions(unknowns, L, further)
-    d, every_one = np.diag(L), (information, *further.by_turned_joint, further.whole_joint_space)
-    plain = np.count_nonzero(L) == np.count_nonzero(d)  # a root of variances alone is no product of matrices
-    M, *more = (d[:, None] * one * d if plain else np.asarray(L.T @ one @ L) for one in every_one)
+    every_one = (information, *further.by_turned_joint, further.whole_joint_space)
+    M, *more = (np.asarray(L.T @ one @ L) for one in every_one)
     found = undetermined_quantities(quantities(unknowns), L, M, every.directions, more)
     names = [joint.name for joint in unknowns.vjm.arm.joints]
     return (*structure_words(every, names, unknowns.structure.n_parameters), *sentences(found, names))

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from testbench.data.dataset import Dataset, Series, select_rows
 from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.plant.build import Plant
-from testbench.plant.disturbance import TYPICAL_DISTURBANCES, Disturbances, GearErrorCoefficients, GearErrors
+from testbench.plant.disturbance import TYPICAL_DISTURBANCES, Disturbances, GearErrors
 from testbench.plant.equilibrium import solve_equilibrium
 from testbench.plant.tracker import (
     DistanceMeter,
@@ -112,11 +112,6 @@ class Truth:
     def C_theta(self) -> Array:
         """Return the true aggregated joint compliance, (n_theta, n_theta), Eq. (17)."""
         return self.arm.arm.C_theta
-
-    @property
-    def gears(self) -> GearErrorCoefficients | None:
-        """Return joint errors that depend on the pose."""
-        return self.arm.gear_errors
 
     @property
     def theta_0(self) -> Array:

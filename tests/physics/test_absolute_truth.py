@@ -132,7 +132,7 @@ def off(cell, disturbances, mass):
         theta_0=truth.theta_0,
         C_theta=truth.C_theta,
     )
-    if (gears := truth.gears) is not None:
+    if (gears := truth.arm.gear_errors) is not None:
         orders = tuple(range(1, len(gears.sine) + 1))
         n = np.concatenate([gears.sine, gears.cosine, gears.ratio_error[None]]).T
         state = replace(state, error_terms=JointErrorTerms(orders=orders, ratio=True), error_coefficients=n)

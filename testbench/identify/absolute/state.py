@@ -354,7 +354,7 @@ def error_pattern_basis(
         Matrix B with x = B y of the unknowns x in SI units and y in the basis, (n_unknowns, n_unknowns).
     """
     from scipy.linalg import helmert  # here: see above
-    from scipy.sparse import coo_array, csr_array
+    from scipy.sparse import csr_array
 
     n = len(pattern.joints)
     waves = error_pattern_coefficients(error_terms)
@@ -363,17 +363,13 @@ def error_pattern_basis(
     mix = helmert(n, full=True).T
     mix[:, 0] = 1.0
     at = first_column + error_terms.n_coefficients * np.array(pattern.joints)[:, None] + waves
-    where = np.concatenate([np.setdiff1d(np.arange(n_unknowns), at)] * 2).reshape(2, -1)
-    entries, places = [np.ones(where.shape[1])], [where]
-    orders = np.array(error_terms.orders)[waves[:k]]
+    B, orders = np.eye(n_unknowns), np.array(error_terms.orders)[waves[:k]]
     # Waves of joint i: each column, shifted and mirrored to its angle.
     for i in range(n):
         R = shift_fourier_coefficients(np.eye(2 * k), pattern.shifts[i], pattern.signs[i], orders).T
-        row, column = np.nonzero(R)
-        for j in np.flatnonzero(mix[i]):
-            entries.append(mix[i, j] * R[row, column])
-            places.append(np.stack([at[i, row], at[j, column]]))
-    return csr_array(coo_array((np.concatenate(entries), tuple(np.hstack(places))), (n_unknowns, n_unknowns)))
+        for j in range(n):
+            B[np.ix_(at[i], at[j])] = mix[i, j] * R
+    return csr_array(B)
 
 
 @dataclass(frozen=True)

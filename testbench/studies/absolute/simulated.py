@@ -93,7 +93,7 @@ def true_state(state: ArmState, truth: Truth) -> ArmState:
     """
     vjm = state.vjm
     theta = truth.theta_0.copy()
-    gears = truth.gears
+    gears = truth.arm.gear_errors
     theta[_before(vjm)[1:]] += vjm.joint_axes_in_beam_frame[1:] * theta[6 * len(vjm.arm.links) + 1 :, None]
     theta_0 = state.theta_0.copy()
     n = np.zeros_like(state.error_coefficients)
