@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,7 +13,7 @@ import typer
 
 from testbench.arm.folder import find_arm
 from testbench.data.dataset import mean_numbers_per_reading
-from testbench.errors import BenchError, PoseError
+from testbench.errors import PoseError
 from testbench.identify.absolute import fit
 from testbench.identify.registration import MIN_REGISTRATION_POSES
 from testbench.report import scene as draw
@@ -35,7 +35,7 @@ from testbench.workflows.absolute import (
 from testbench.workflows.arm_models import read_model
 from testbench.workflows.calibration_numbers import write_model
 from testbench.workflows.cell import build_cell
-from testbench.workflows.options import ArmName, Force, SigmaUm, mass, of_flag, plain, takes
+from testbench.workflows.options import ArmName, Force, SigmaUm, mass, of_flag, plain, refuse_flags, takes
 from testbench.workflows.plan import gain_of_further_poses
 from testbench.workflows.rows import MM
 
@@ -100,11 +100,12 @@ class CalibrateOptions:
 @takes(CalibrateOptions, draws=True)
 def command(asked: CalibrateOptions) -> None:
     """Calibrate an arm by where a tracker saw its tool, and write the model; or score one."""
-    _refuse_unused(asked)
     files = files_of(asked.readings, asked.mapping, asked.load, asked.sigma_um)
     if asked.score:
+        refuse_flags(asked, CALIBRATING, "cannot be combined with --score, which writes nothing")
         _score(asked, files)
         return
+    refuse_flags(asked, SCORING, "works only with --score")
     out = Path(OUT) if asked.out is None else asked.out
     given = [find_arm(asked.arm), *asked.readings, *filter(None, asked.mapping or [])]
     with claim_folder(out, COMMAND, own=frozenset(), inputs=given, force=asked.force):
@@ -136,17 +137,6 @@ def command(asked: CalibrateOptions) -> None:
         places = ", ".join(str(out / name) for name in names)
         lines += [f"model      {out / 'model.json'}", f"report     {places}", *viewing_lines(out)]
         print_words(console, said, [said.tables["steps"]], lines)
-
-
-def _refuse_unused(asked: CalibrateOptions) -> None:
-    """Refuse flags that this use of the command would ignore."""
-    why = (
-        "cannot be combined with --score, which writes nothing" if asked.score else "works only with --score"
-    )
-    unused: tuple[str, ...] = CALIBRATING if asked.score else SCORING
-    for own in fields(asked):
-        if own.name in unused and getattr(asked, own.name) != own.default:
-            raise BenchError(f"--{own.name.replace('_', '-')} {why}")
 
 
 def _drawn(said: Report, page: draw.PageContent) -> Mapping[str, "Figure"]:

@@ -421,9 +421,24 @@ def absolute_alone(flags: "DataclassInstance") -> None:
     Raises:
         BenchError: Names the first one.
     """
+    if not getattr(flags, "absolute", True):
+        refuse_flags(flags, [own.name for own in fields(flags)], "is only for --absolute")
+
+
+def refuse_flags(flags: "DataclassInstance", names: Sequence[str], why: str) -> None:
+    """Refuse flags that are not the defaults.
+
+    Args:
+        flags: All flags of a command.
+        names: Names of the fields that must not be given.
+        why: What the message says behind the flag.
+
+    Raises:
+        BenchError: Names the first one.
+    """
     for own in fields(flags):
-        if not getattr(flags, "absolute", True) and getattr(flags, own.name) != own.default:
-            raise BenchError(f"--{own.name.replace('_', '-')} is only for --absolute")
+        if own.name in names and getattr(flags, own.name) != own.default:
+            raise BenchError(f"--{own.name.replace('_', '-')} {why}")
 
 
 def mass(text: str) -> float:
