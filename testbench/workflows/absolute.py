@@ -481,17 +481,10 @@ def structure_words(found: StructuralDirections, joints: Sequence[str], complian
         Sentences.
     """
     if found.n_geometry:
-        shared = [
-            f"{name} ({count})"
-            for name, count in zip(joints, found.n_shared_by_links, strict=True)
-            if count > 0
-        ]
-        left = found.n_geometry - sum(found.n_shared_by_links)
         yield (
-            f"{found.n_geometry} directions of geometry, frames and mounts cannot be determined by any "
-            "pose, because they move no target. A turn about a joint's axis, or a shift along it, may belong "
-            f"to the link before or after it. Such directions per joint: {', '.join(shared)}"
-            f"{f'; {left} concern several links' if left else ''}"
+            f"{found.n_geometry} directions of geometry, frames and mounts cannot be determined by any pose, "
+            "because they move no target. A turn about a joint's axis, or a shift along it, may belong to "
+            "the link before or after it"
         )
     if found.inactive_joints:
         idle = " and ".join(joints[j] for j in found.inactive_joints)

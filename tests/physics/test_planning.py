@@ -477,9 +477,7 @@ def test_a_joint_that_never_turns_hides_what_a_plan_shows_but_for_structural_dir
     plan = exchange_poses(problem, criterion, problem.rows, greedy)
     assert not [words for words in undetermined_by(union, places[plan]) if "offset" in words]
     first, *_ = undetermined_by(union, places[:POSES])
-    joints = ", ".join(f"joint_{k} (2)" for k in range(1, 7))
     assert first.startswith("12 directions")
-    assert first.endswith(joints)
 
 
 def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_zero_does(union, places):

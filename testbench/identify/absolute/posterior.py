@@ -352,7 +352,6 @@ class StructuralDirections:
 
     directions: Array  #: Orthonormal directions, unknowns in units of the prior, (size, k).
     n_geometry: int  #: Number of directions of geometry, frames and mounts.
-    n_shared_by_links: tuple[int, ...]  #: Number of directions that the two links at each joint share, n.
     #: Indices of joints whose errors move no target, such as the last one with a target on its axis.
     inactive_joints: tuple[int, ...]
     n_compliance: int  #: Number of compliance directions that the given loads do not show.
@@ -383,19 +382,12 @@ def structural_directions(
     U, s, _ = np.linalg.svd(
         np.hstack([V[:, values < MAX_STRUCTURAL_INFORMATION], never]), full_matrices=False
     )
-    # How these directions divide over joints.
     joints, first = range(unknowns.vjm.arm.n_joints), unknowns.first_columns["elastic"]
-    around = [_link_columns(unknowns, k) for k in range(len(joints) + 1)]
-    unseen_of_link = [_dimension(drawn, columns) for columns in around]
     size = unknowns.error_terms.n_coefficients
     of_joint = [unknowns.first_columns["errors"] + j * size + np.arange(size) for j in joints]
     return StructuralDirections(
         directions=U[:, s > MIN_COMMON_SINGULAR_VALUE],
         n_geometry=never.shape[1],
-        n_shared_by_links=tuple(
-            _dimension(drawn, np.concatenate(around[j : j + 2])) - sum(unseen_of_link[j : j + 2])
-            for j in joints
-        ),
         inactive_joints=tuple(j for j in joints if size and _dimension(M, of_joint[j]) == size),
         n_compliance=int((np.linalg.eigvalsh(M[first:, first:]) < MAX_STRUCTURAL_INFORMATION).sum()),
     )
@@ -408,14 +400,3 @@ def _dimension(M: Array, columns: Ids) -> int:
     informed = size > MIN_INFORMATION_EIGENVALUE * size.max(initial=0.0)
     unit = block[np.ix_(informed, informed)] / np.outer(size[informed], size[informed])
     return int((~informed).sum() + (np.linalg.eigvalsh(unit) < MIN_INFORMATION_EIGENVALUE).sum())
-
-
-def _link_columns(unknowns: Unknowns, k: int) -> Ids:
-    """List the columns of a link; the first link includes the frames, the last the mounts."""
-    mounts = unknowns.columns(f"frame {unknowns.frames[-1]}").stop
-    first = unknowns.first_columns["geometry"]
-    if k == 0:
-        return np.arange(mounts)
-    if k == unknowns.vjm.arm.n_joints:
-        return np.arange(mounts, first)
-    return first + 6 * (k - 1) + np.arange(6)
