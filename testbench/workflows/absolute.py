@@ -311,21 +311,13 @@ def of_masses(mass_fit: MassFit) -> str:
             f"the residual is {mass_fit.residual:.3g} N m, the standard deviation of the torques is "
             f"{mass_fit.torque_deviation:.3g} N m. Check the order of joints, the unit and the payload"
         )
-    whose = (
-        "the torques of the motors against the weight"
-        if mass_fit.are_motor_torques
-        else "the torques of the weight on the joints"
-    )
-    limited = (
-        f"; these differ from rigid.xml by the largest allowed amount: {', '.join(mass_fit.bodies_at_bound)}"
-        if mass_fit.bodies_at_bound
-        else ""
-    )
+    whose = "motors against the weight" if mass_fit.are_motor_torques else "weight on the joints"
     return (
-        f"masses are fitted to the torques of {mass_fit.n_poses} poses, taken as {whose}; "
+        f"masses are fitted to the torques of {mass_fit.n_poses} poses, taken as the torques of the {whose}; "
         f"standard deviation of these torques: {mass_fit.torque_deviation:.3g} N m; "
         f"unexplained with the fitted masses: {mass_fit.residual:.3g} N m; "
-        f"unexplained with the masses of rigid.xml: {mass_fit.nominal_residual:.3g} N m{limited}"
+        f"unexplained with the masses of rigid.xml: {mass_fit.nominal_residual:.3g} N m; bodies that differ "
+        f"from rigid.xml by the largest allowed amount: {', '.join(mass_fit.bodies_at_bound) or 'none'}"
     )
 
 

@@ -54,6 +54,7 @@ NEAREST, FARTHEST = 1.5, 3.0  #: How far from the base a tracker stands, over th
 LOWEST, HIGHEST = 0.8, 2.0  #: Its height over the base [m].
 MOUNT = 2e-3, 5e-3
 """How far the mount of the targets is from where the arm's folder has it, standard deviations [m, rad]."""
+OUTLIER_SIZE = 2e-3  #: How far outliers are off, in any direction [m].
 TILT = 0.02  #: How far from upright it stands, about each horizontal axis, standard deviation [rad].
 
 
@@ -80,7 +81,6 @@ class AbsoluteCampaign(BaseModel):
     #: Scatter of every joint's angle from one approach of a pose to the next, standard deviation [rad, m].
     repeatability: float = Field(default=0.0, ge=0, le=0.01)
     outliers: float = Field(default=0.0, ge=0, le=0.5)  #: Share of positions that are outliers [1].
-    outlier_size: float = Field(default=2e-3, ge=0, le=1)  #: How far they are off, in any direction [m].
     disturbances: Disturbances = REAL_ARM  #: What the true arm does.
 
     @model_validator(mode="after")
@@ -184,7 +184,7 @@ def simulate_series(
         rows = poses_with_weight(cell, here[pose], pose + 1, np.array(absolute_campaign.masses)[turn])
         off = absolute_campaign.repeatability * scatter.standard_normal(here.shape)
         position, rotation = _seen(truth, k, *_settled(arm, rows, turn, off[pose]))
-        position = position + _off(absolute_campaign, truth.outliers[k], strays)
+        position = position + _off(truth.outliers[k], strays)
         clean = _series(cell, absolute_campaign, k, rows, (position, rotation))
         found.append(_noisy(clean, noise) if absolute_campaign.noise else clean)
     return tuple(found), truth
@@ -329,10 +329,10 @@ def _settled(arm: Plant, rows: LoadedPoses, turn: Ids, off: Array) -> tuple[Arra
     return tool, rotation
 
 
-def _off(absolute_campaign: AbsoluteCampaign, outliers: Mask, rng: np.random.Generator) -> Array:
+def _off(outliers: Mask, rng: np.random.Generator) -> Array:
     """How far outliers are off, (rows, m, 3) [m]."""
     direction = rng.standard_normal((*outliers.shape, 3))
-    direction *= absolute_campaign.outlier_size / np.linalg.norm(direction, axis=-1, keepdims=True)
+    direction *= OUTLIER_SIZE / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(np.where(outliers[..., None], direction, 0.0))
 
 

@@ -240,11 +240,18 @@ def range_words(row: Row) -> str:
 
 
 def _unread_words(f: Row) -> str:
-    """Name the ranges without a reading, joint by joint; empty for none."""
-    ranges: dict[tuple[str, str], list[str]] = {}
-    for row in unread_ranges(f):
-        ranges.setdefault((row.joint, row.unit), []).append(f"{row.low:.0f} to {row.high:.0f}")
-    return "; ".join(f"{joint} {', '.join(own)} {unit}" for (joint, unit), own in ranges.items())
+    """Name the ranges without a reading, joint by joint, neighbours as one; empty for none."""
+    ranges: dict[tuple[str, str], list[tuple[float, float]]] = {}
+    for row in f.places:
+        if not row.n:
+            own, low = ranges.setdefault((row.joint, row.unit), []), row.low
+            if own and own[-1][1] == low:
+                low = own.pop()[0]
+            own.append((low, row.high))
+    return "; ".join(
+        f"{joint} {', '.join(f'{low:.0f} to {high:.0f}' for low, high in own)} {unit}"
+        for (joint, unit), own in ranges.items()
+    )
 
 
 def _nearest(distances: Array) -> float:
@@ -357,17 +364,6 @@ def _ranges(joint: ArmJoint, own: Array, q: Array, before: Array, after: Array) 
             before_mm=sizes[0],
             after_mm=sizes[1],
         )
-
-
-def unread_ranges(f: Row) -> list[Row]:
-    """List the ranges of joints without a reading, neighbours as one."""
-    rows: list[Row] = []
-    for row in f.places:
-        if not row.n and rows and (rows[-1].joint, rows[-1].high) == (row.joint, row.low):
-            rows[-1] = Row(row, low=rows[-1].low)
-        elif not row.n:
-            rows.append(row)
-    return rows
 
 
 def _spectrum(calibration: Calibration) -> Iterator[Row]:

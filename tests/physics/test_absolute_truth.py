@@ -19,7 +19,7 @@ from testbench.model.vjm import evaluate_chain
 from testbench.plant.build import build_plant
 from testbench.plant.disturbance import Disturbances, GearErrors, GeometryErrors
 from testbench.plant.equilibrium import solve_equilibrium
-from testbench.workflows.absolute_campaign import REAL_ARM, AbsoluteCampaign, simulate_series
+from testbench.workflows.absolute_campaign import OUTLIER_SIZE, REAL_ARM, AbsoluteCampaign, simulate_series
 from testbench.workflows.cell import Cell
 
 WEIGHT = Disturbances(own_weight=True)
@@ -81,7 +81,7 @@ def test_readings_come_from_the_seed_a_switch_leaves_all_else_and_too_much_is_re
     (wild, _), _ = simulate_series(kr500, asked.model_copy(update={**off, "outliers": 0.2}), 7)
     np.testing.assert_array_equal(clean.q, first.q)
     size = np.linalg.norm(wild.position - clean.position, axis=2)
-    np.testing.assert_allclose(size, asked.outlier_size * truth.outliers[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(size, OUTLIER_SIZE * truth.outliers[0], rtol=0, atol=1e-12)
     with pytest.raises(BenchError, match="targets: expected at most 3, as kr500_l480 has P1, P2, P3"):
         simulate_series(kr500, AbsoluteCampaign(targets=4))
     with pytest.raises(BenchError, match="masses: expected different ones"):

@@ -31,7 +31,6 @@ from testbench.identify.diagnosis.kinematics import (
     EXPECTED_DISTANCE_OVER_REACH,
     IDENTITY_FRAME,
     FittedObservations,
-    FreeParameters,
     Issue,
     Observations,
     Submission,
@@ -54,7 +53,6 @@ from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import Vjm, marker_positions
 from testbench.progress import stepwise
 
-NO_FREE_PARAMETERS = FreeParameters()
 #: Median deflection, over the expected distance, above which loaded readings must fit the kinematics [1].
 MAX_DEFLECTION_RATIO = 20.0
 MAX_RUNS_PER_BATCH, MAX_RUN_BATCHES = 90, 12  #: Most runs that are tested together, and most batches of them.
@@ -93,7 +91,8 @@ def diagnose(submission: Submission, prior: Prior, hypotheses: Hypotheses = HYPO
     deflection = np.median(np.linalg.norm(data.deflection, axis=2)[data.is_measured])
     if vjm.arm.joints and deflection > MAX_DEFLECTION_RATIO * fitted.observations.expected_distance:
         runs = submission.data if registered.frame == "base" else _of_one_station(submission.data)
-        loaded = _observations(vjm, runs, runs.after, _free_parameters(registered))
+        loaded = _observations(vjm, runs, runs.after)
+        loaded = loaded.with_free(frame=registered.frame == "tracker", targets=registered.frame == "tracker")
         issue, _ = best_hypothesis(loaded, hypotheses.kinematics, "loaded")
         if issue is not None:
             return [issue, *issues]
@@ -145,7 +144,7 @@ def _kinematic_issues(
             return ([] if issue is None else [issue]), FittedObservations(observations, fitted)
     # The readings of one tracker, in its frame; then all of them, as registered.
     data = _of_one_station(submission.data)
-    unloaded = _observations(registered.vjm, data, data.before, _free_parameters(registered))
+    unloaded = _observations(registered.vjm, data, data.before).with_free(frame=True, targets=True)
     issue, _ = best_hypothesis(unloaded, hypotheses.kinematics)
     issues = [issue] if issue else issues_without_fit(submission, hypotheses.registration)
     observations = _observations(registered.vjm, registered.data, registered.data.before)
@@ -166,11 +165,10 @@ def explain_unregistered_runs(vjm: Vjm, data: Dataset, hypotheses: Hypotheses = 
     """
     names = np.zeros(data.n_runs) if data.station is None else data.station
     every = [select_runs(data, names == name) for name in np.unique(names)]
-    free = FreeParameters(frame=True, targets=True)
-    issues = [
-        best_hypothesis(_observations(vjm, runs, runs.before, free), hypotheses.kinematics)[0]
-        for runs in every
-    ]
+    observations = (
+        _observations(vjm, runs, runs.before).with_free(frame=True, targets=True) for runs in every
+    )
+    issues = [best_hypothesis(one, hypotheses.kinematics)[0] for one in observations]
     return min(filter(None, issues), key=lambda issue: issue.name == "kinematics", default=None)
 
 
@@ -234,13 +232,7 @@ def _of_one_station(data: Dataset) -> Dataset:
     return select_runs(data, data.station == names[count.argmax()])
 
 
-def _free_parameters(registered: RegisteredDataset) -> FreeParameters:
-    return FreeParameters(frame=registered.frame == "tracker", targets=registered.frame == "tracker")
-
-
-def _observations(
-    vjm: Vjm, data: Dataset, position: Array, free: FreeParameters = NO_FREE_PARAMETERS
-) -> Observations:
+def _observations(vjm: Vjm, data: Dataset, position: Array) -> Observations:
     """Collect readings, unloaded or loaded; loads of a pose that share unloaded readings count once."""
     every = np.concatenate([data.q, np.nan_to_num(data.before.reshape(data.n_runs, -1))], axis=1)
     runs = np.sort(np.unique(every, axis=0, return_index=True)[1])
@@ -254,7 +246,6 @@ def _observations(
         target_names=data.markers,
         run_id=data.run_id[runs],
         pose_id=data.pose_id[runs],
-        free_parameters=free,
     )
 
 

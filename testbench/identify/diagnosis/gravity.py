@@ -29,7 +29,7 @@ from testbench.identify.absolute.align import align_all
 from testbench.identify.absolute.evidence import fit_geometry_and_springs
 from testbench.identify.absolute.state import ArmState, nominal_state, torque_scale
 from testbench.identify.base_frame import RegisteredDataset
-from testbench.identify.diagnosis.kinematics import FreeParameters, Issue, Observations, fit_kinematics
+from testbench.identify.diagnosis.kinematics import Issue, Observations, fit_kinematics
 from testbench.identify.equations import weighted_readings
 from testbench.identify.prior import Prior, PriorScaling, scale_by_prior
 from testbench.identify.registration import Frame
@@ -384,11 +384,8 @@ def bends_like_hanging_arm(unloaded: Observations, loaded: Observations, C_theta
         where = evaluate_chain(turned, observations.q)
         theta = (C_theta @ own_weight_load(where, weights)).T
         sag = first_order_deflection(where, theta, observations.markers) @ rotation_from_down(g).T
-        bare = replace(
-            observations,
-            position=observations.position - sag,
-            free_parameters=FreeParameters(frame=True, targets=True),
-        )
+        bare = replace(observations, position=observations.position - sag)
+        bare = bare.with_free(frame=True, targets=True)
         off = np.sort(fit_kinematics(bare).distances(observations))
         left.append(float(np.sqrt(np.square(off[: int(np.ceil(NEAREST_SHARE * len(off)))]).mean())))
     hung, *upright = left
