@@ -513,26 +513,24 @@ def align_all(state: ArmState, series: tuple[Series, ...]) -> ArmState:
         series,
         key=lambda readings: (_is_underdetermined(state.vjm, readings), not readings.is_oriented.any()),
     )
-    late: list[Series] = []
     while waiting:
-        readings = waiting.pop(0)
-        known = mounts.get(readings.mount)
-        if readings.frame in frames and known is not None and set(readings.markers) <= set(known.markers):
-            continue
-        block_faces = [one for one in series if one.plane_normal is not None and one.frame == readings.frame]
-        try:
-            frame, mount = align(
-                replace(state, frames=frames, mounts=mounts), without_unread_targets(readings), block_faces
-            )
-        except BenchError:
-            shared = any(readings.frame == other.frame or readings.mount == other.mount for other in waiting)
-            if not shared or any(readings is other for other in late):
-                raise
-            # Try again after the other series: one of them may determine the shared frame or mount.
-            late, waiting = [*late, readings], [*waiting, readings]
-            continue
-        frames.setdefault(readings.frame, frame)
-        mounts[readings.mount] = mount if known is None else _merge_mounts(known, mount)
+        failed: list[tuple[Series, BenchError]] = []
+        for readings in waiting:
+            known = mounts.get(readings.mount)
+            if readings.frame in frames and known is not None and set(readings.markers) <= set(known.markers):
+                continue
+            faces = [one for one in series if one.plane_normal is not None and one.frame == readings.frame]
+            now = replace(state, frames=frames, mounts=mounts)
+            try:
+                frame, mount = align(now, without_unread_targets(readings), faces)
+            except BenchError as why:  # another series may determine the shared frame or mount
+                failed.append((readings, why))
+                continue
+            frames.setdefault(readings.frame, frame)
+            mounts[readings.mount] = mount if known is None else _merge_mounts(known, mount)
+        if len(failed) == len(waiting):
+            raise failed[0][1]
+        waiting = [readings for readings, _ in failed]
     aligned = replace(state, frames=frames, mounts=mounts)
     _check_shared(aligned, series)
     return replace(
