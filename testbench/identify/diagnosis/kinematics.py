@@ -35,7 +35,7 @@ losses are least.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, permutations
-from typing import Any, Generic, Literal, TypeVar
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -284,9 +284,31 @@ class Observations:
             rotation=rotation,
         )
 
-    def with_free(self, **changes: Any) -> "Observations":
-        """Return the readings with other free parameters, by the names of `FreeParameters`."""
-        return replace(self, free_parameters=replace(self.free_parameters, **changes))
+    def with_free(
+        self,
+        *,
+        frame: bool = False,
+        targets: bool = False,
+        theta: tuple[int, ...] = (),
+        mirrored: bool = False,
+    ) -> "Observations":
+        """Return the readings with further free parameters.
+
+        Args:
+            frame: Whether to free the frame.
+            targets: Whether to free the targets.
+            theta: Indices of the virtual joints whose constants are free.
+            mirrored: Whether the frame is left-handed.
+        """
+        now = self.free_parameters
+        free = FreeParameters(
+            now.frame or frame,
+            now.targets or targets,
+            theta or now.theta,
+            now.mirrored or mirrored,
+            now.targets_unknown,
+        )
+        return replace(self, free_parameters=free)
 
     def with_orientations(self, position: Array, rotation: Array) -> "Observations":
         """Return the readings with other positions and orientations.
