@@ -195,7 +195,9 @@ def _settings(options: CompensationOptions, quick: bool, seeds: range) -> Compen
 AROUND = 50  #: Candidates that stand for the workspace, which no criterion here asks for.
 
 
-def _prepare(asked: CompensationSettings, everywhere: Everywhere) -> CompensationSettings:
+def _prepare(
+    asked: CompensationSettings, everywhere: Everywhere[CompensationPlanRow]
+) -> CompensationSettings:
     """Make the scene; PoseError for too few feasible poses."""
     cell = build_cell(find_arm(asked.arm))
     found = find_feasible_poses(_checks(cell), asked.candidates, trial_rng(asked.seed, 1)).q
@@ -203,7 +205,7 @@ def _prepare(asked: CompensationSettings, everywhere: Everywhere) -> Compensatio
     plain = [tuple(map(tuple, own.tolist())) for own in (found, q)]
     scene = CompensationScene(candidates=plain[0], program=plain[1])
     asked = replace(asked, scene=scene)
-    rows = everywhere(partial(_plan_rows, asked), len(_planned(asked)), CompensationPlanRow, "plans")
+    rows = everywhere(partial(_plan_row, asked), len(_planned(asked)), CompensationPlanRow)
     return replace(asked, scene=replace(scene, plans=tuple(rows)))
 
 
@@ -221,21 +223,12 @@ def loads(cell: Cell) -> tuple[Load, Load]:
     return weight(cell.vjm, PAYLOAD), Load(np.array([0.0, PULL, 0.0, 0.0, 0.0, 0.0]), cell.vjm.load_point)
 
 
-def _plan_rows(asked: CompensationSettings, numbers: Sequence[int]) -> list[list[CompensationPlanRow]]:
-    """Make plans by their numbers, one list each."""
-    cell = build_cell(find_arm(asked.arm))
-    reach, found = Feasibility(partial(feasible, _checks(cell))), []
-    for name, poses in map(_planned(asked).__getitem__, numbers):
-        spec = _specify(cell, asked, name, poses)
-        best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, trial_rng(asked.seed, 2))
-        found.append(
-            [
-                CompensationPlanRow(
-                    name, poses, tuple(best.q.ravel().tolist()), tuple(best.load_index.tolist())
-                )
-            ]
-        )
-    return found
+def _plan_row(asked: CompensationSettings, k: int) -> CompensationPlanRow:
+    """Make a plan by its number."""
+    cell, (name, poses) = build_cell(find_arm(asked.arm)), _planned(asked)[k]
+    reach, spec = Feasibility(partial(feasible, _checks(cell))), _specify(cell, asked, name, poses)
+    best = make_plan(spec, "test", np.array(asked.scene.candidates), reach, trial_rng(asked.seed, 2))
+    return CompensationPlanRow(name, poses, tuple(best.q.ravel().tolist()), tuple(best.load_index.tolist()))
 
 
 def _specify(cell: Cell, asked: CompensationSettings, name: str, poses: int) -> PlanSpecification:

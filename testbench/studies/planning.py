@@ -482,12 +482,12 @@ Job = tuple[PlanningSettings, str, str, int]
 """A plan to be made: the study on its ground, the fit that it is for, the criterion, how many poses."""
 
 
-def _prepare(asked: PlanningSettings, everywhere: Everywhere) -> PlanningSettings:
+def _prepare(asked: PlanningSettings, everywhere: Everywhere[PlannedRow]) -> PlanningSettings:
     """Make the scenes and all plans, the same for all trials; PoseError for too few feasible poses."""
     cell = build_cell(find_arm(asked.arm))
     asked = replace(asked, scene=_scene(cell, asked, 0))
     asked = replace(asked, away=_scene(cell, elsewhere(asked), AWAY_STREAM))
-    rows = everywhere(partial(_plan_rows, asked), len(_jobs(asked)), PlannedRow, "plans")
+    rows = everywhere(partial(_plan_row, asked), len(_jobs(asked)), PlannedRow)
     home, away = (tuple(row for row in rows if row.ground == ground.name) for ground in (HOME, AWAY))
     return replace(asked, scene=replace(asked.scene, plans=home), away=replace(asked.away, plans=away))
 
@@ -520,14 +520,9 @@ def _jobs(asked: PlanningSettings) -> list[Job]:
     ]
 
 
-def _plan_rows(asked: PlanningSettings, numbers: Sequence[int]) -> list[list[PlannedRow]]:
-    """Make plans by their numbers, one list each; `asked` holds the scene."""
-    cell, jobs = build_cell(find_arm(asked.arm)), _jobs(asked)
-    return [[_plan_row(cell, jobs[k])] for k in numbers]
-
-
-def _plan_row(cell: Cell, job: Job) -> PlannedRow:
-    there, fit, criterion, poses = job
+def _plan_row(asked: PlanningSettings, k: int) -> PlannedRow:
+    """Make a plan by its number; `asked` holds the scene."""
+    cell, (there, fit, criterion, poses) = build_cell(find_arm(asked.arm)), _jobs(asked)[k]
     spec = replace(_specify(cell, there, wrong_prior(cell, there.seed), fit), n_poses=poses)
     start, checks = time.perf_counter(), build_checks(cell, _conditions(there.scope))
     reach, q = Feasibility(lambda q: feasible(checks, q)), np.array(there.scene.candidates)

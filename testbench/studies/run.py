@@ -208,21 +208,26 @@ def _shown(study: AnyStudy, report: Report) -> list[Table]:
     return [report.tables[name] for name in (*study.printed, *own)]
 
 
-def _everywhere(experiment: TrialPlan, backend: Backend, common: Common, folder: Path) -> Everywhere:
+def _everywhere(experiment: TrialPlan, backend: Backend, common: Common, folder: Path) -> Everywhere[Any]:
     """What comes before the trials, on the same workers, stored in a folder of its own."""
 
-    def everywhere(
-        work: Callable[[Sequence[int]], Sequence[Sequence[P]]], pieces: int, row: type[P], words: str
-    ) -> list[P]:
+    def everywhere(work: Callable[[int], P], pieces: int, row: type[P]) -> list[P]:
         if folder.is_symlink():
             raise InputError(folder, "", "expected a folder of this run, got a link; move it away")
-        trial_plan = replace(experiment, name=f"{experiment.name}: {words}", seeds=range(pieces))
-        with open_store(folder, trial_plan, row=row, resume=common.resume) as store:
-            show_progress(run_study(work, store, backend, remote=common.cluster is not None), pieces, words)
+        plans = replace(experiment, name=f"{experiment.name}: plans", seeds=range(pieces))
+        remote = common.cluster is not None
+        with open_store(folder, plans, row=row, resume=common.resume) as store:
+            counts = run_study(partial(_each, work), store, backend, remote=remote)
+            show_progress(counts, pieces, "plans")
             write_parquet(store, folder)
             return store.rows()
 
     return everywhere
+
+
+def _each(work: Callable[[int], P], numbers: Sequence[int]) -> list[list[P]]:
+    """Rows of some pieces; a module's function, as workers get it by its name."""
+    return [[work(k)] for k in numbers]
 
 
 def _seeds(study: AnyStudy, common: Common) -> range:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Generic, Protocol, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
 import typer
@@ -101,21 +101,11 @@ W = TypeVar("W")
 P = TypeVar("P")
 
 
-class Everywhere(Protocol):
-    """Do pieces of work on all cores, as trials are done, and stores them for --resume."""
+Everywhere = Callable[[Callable[[int], P], int, type[P]], list[P]]
+"""Does pieces of work on all cores, as trials are done, and stores their rows for --resume.
 
-    def __call__(
-        self, work: Callable[[Sequence[int]], Sequence[Sequence[P]]], pieces: int, row: type[P], words: str
-    ) -> list[P]:
-        """Rows of all pieces, in their order.
-
-        Args:
-            work: Rows of some pieces, by their numbers from 0.
-            pieces: How many.
-            row: Type of the rows.
-            words: What a piece is, such as "plans".
-        """
-        ...
+It takes what makes the row of a piece by its number from 0, how many pieces there are, and the type of a row.
+"""
 
 
 def own_arm(settings: Any) -> list[Path]:
@@ -155,7 +145,7 @@ class Study(Generic[O, S, W]):
     size: int = 1  #: Seeds of a chunk: 0.1 to 1 s of work.
     shared: Callable[[S], Any] = own_cell  #: What trials share, made once a chunk; a function of a module.
     #: Adds to the settings what all trials share and what is too dear for each of them.
-    prepare: Callable[[S, Everywhere], S] | None = None
+    prepare: Callable[[S, Everywhere[Any]], S] | None = None
     arms: Callable[[S], Sequence[Path]] = own_arm  #: Folders of the arms that it needs.
     own: Callable[[S], Sequence[EstimatorSource]] = lambda _: ()  #: Estimators that its settings name.
     #: Column that names the models where `trial` takes estimators of one's own; beside it is `status`.
