@@ -25,6 +25,7 @@ from testbench.report.figure import Figure, headed, save
 from testbench.report.markdown import Markdown, capital, titled
 from testbench.report.page import write_page
 from testbench.report.recording.run import write_run
+from testbench.report.recording.stream import RecordingHeader
 from testbench.report.report import FAILURES, Report, failures, fitted, say, with_failures
 from testbench.report.scene import PageContent, typical_first
 from testbench.report.schema import Table, TableColumn
@@ -130,7 +131,7 @@ def run(
     settings = study.settings(options, common.quick, seeds)
     plain, estimator_sources = TypeAdapter(type(settings)).dump_python(settings, mode="json"), estimators.own
     plain |= {"own": {each.name: asdict(each) for each in estimator_sources}} if estimator_sources else {}
-    text, arms = json.dumps(plain, sort_keys=True), study.arms(settings)
+    arms = study.arms(settings)
     sha = digests_of((*study.own(settings), *estimator_sources))
     scenario = {"settings": plain, "models": digests(arms), **sha}
     script = f"scenarios/{study.name}.py"
@@ -146,7 +147,8 @@ def run(
         work = study.work(settings, estimator_sources)
         show_progress(run_study(work, store, backend, size=study.size, remote=remote), len(seeds), "trials")
         report = _reported(study, settings, seeds, Trials.read(write_parquet(store, folder)))
-        figures = _write(study, Run(study.name, settings, seeds, report, folder, text))
+        header = RecordingHeader(study.name, json.dumps(plain, sort_keys=True), seeds[0])
+        figures = _write(study, Run(settings, seeds, report, folder), header)
         seconds = time.perf_counter() - start
         files.write_log(folder)
         files.write_manifest(
@@ -171,7 +173,7 @@ def _reported(study: AnyStudy, settings: Any, seeds: range, trials: Trials) -> R
     return with_failures(report, lost, len(seeds)) if lost else report
 
 
-def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
+def _write(study: AnyStudy, found: Run[Any], header: RecordingHeader) -> list[str]:
     """Numbers, words, figures, and what else the study leaves; names of the figures."""
     report, folder = found.report, found.folder
     files.write_json(report.json(), folder / "report.json")
@@ -182,7 +184,7 @@ def _write(study: AnyStudy, found: Run[Any]) -> list[str]:
     if "data_file" in (first := found.first):
         (folder / study.data).write_text(next(filter(None, first["data_file"])), encoding="utf-8")
     page = typical_first(replace(study.write(found) or PageContent(), tables=_shown(study, report)))
-    write_run(folder / "recording.rrd", found.header, report, page, figures)
+    write_run(folder / "recording.rrd", header, report, page, figures)
     write_page(folder, titled(study.name), report, page)
     return list(figures)
 

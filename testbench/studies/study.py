@@ -23,7 +23,6 @@ from testbench.plant.shapes import body_origins, elastic_frames, rigid_frames
 from testbench.plant.true_arms import FAMILY_NAME, true_arms
 from testbench.report.colours import MEASURED, Look, look_of
 from testbench.report.figure import Figure
-from testbench.report.recording.stream import RecordingHeader
 from testbench.report.report import Report
 from testbench.report.scene import (
     Layer,
@@ -183,25 +182,15 @@ AnyStudy = Study[Any, Any, Any]
 class Run(Generic[S]):
     """Hold a finished study, for what is still to be written."""
 
-    name: str  #: Of the study.
     settings: S  #: What was tried.
     seeds: range  #: Of the trials.
     report: Report  #: What was found.
     folder: Path  #: Where to write.
-    parameters: str  #: The settings as JSON.
 
     @property
     def first(self) -> Trials:
         """Read the rows of the first seed."""
         return Trials.read(self.folder / "trials.parquet").where(seed=self.seeds[0])
-
-    @property
-    def header(self) -> RecordingHeader:
-        """Make the header of its recording."""
-        return RecordingHeader(self.name, self.parameters, self.seeds[0])
-
-
-AnyRun = Run[Any]
 
 
 LEAST_SQUARES = "MLS56"
@@ -318,7 +307,7 @@ def _runs_of(cell: Cell, first: Trials) -> tuple[Dataset, Dataset]:
     return from_text(trials["measured"][0], cell.arm), from_text(trials["over"][0], cell.arm)
 
 
-def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
+def write_runs(run: Run[Any], cell: Cell, poses: int | None = None) -> None:
     """Write dataset.csv of the first seed.
 
     Args:
@@ -331,7 +320,7 @@ def write_runs(run: AnyRun, cell: Cell, poses: int | None = None) -> None:
     write_csv(data, cell.arm, run.folder / "dataset.csv")
 
 
-def calibration_scene(run: AnyRun, cell: Cell, setup: Setup, fitted: int) -> PageContent:
+def calibration_scene(run: Run[Any], cell: Cell, setup: Setup, fitted: int) -> PageContent:
     """Draw the arm in the poses that judge and in all runs, with the errors of compared models.
 
     Args:
