@@ -309,14 +309,12 @@ def write_run(out: Path, run_request: RunRequest, report: Report, page: PageCont
         for view in stepwise(_views(folder, run_request, report, page), "writing"):
             view()
         files.write_log(folder)
-        models = digests(run_request.arms)
-        plain = dict(run_request.flags)
         files.write_manifest(
             folder,
             command=run_request.command,
-            scenario=plain,
+            scenario=dict(run_request.flags),
             seeds=run_request.seeds,
-            models=models,
+            models=digests(run_request.arms),
             tables=(),
             **found,
         )
@@ -336,7 +334,10 @@ def _views(
 
     def write_figures() -> None:
         asked = run_request.draw
-        figures = asked(report, drawn) if asked else {run_request.picture: overview(report, drawn)}
+        figures = dict(asked(report, drawn) if asked else {run_request.picture: overview(report, drawn)})
+        places = page.map
+        if run_request.map and places and any(np.isfinite(line.values).any() for line in places.lines):
+            figures[MAP] = error_map(places, run_request.map, silhouette(drawn, places))
         for name, figure in figures.items():
             save(figure, folder / name)
 
@@ -348,16 +349,11 @@ def _views(
         header = RecordingHeader(run_request.command, flags, next(iter(run_request.seeds), 0))
         write_run(folder / "recording.rrd", header, report, drawn, {})
 
-    views: list[Callable[[], object]] = [
+    return [
         write_figures,
         *([write_recording] if run_request.recording else []),
         lambda: write_page(folder, f"{run_request.command}: {run_request.name}", report, drawn),
     ]
-    if run_request.map and page.map and any(np.isfinite(line.values).any() for line in page.map.lines):
-        places = page.map
-        arm = silhouette(drawn, places)
-        views.insert(1, lambda: save(error_map(places, run_request.map, arm), folder / MAP))
-    return views
 
 
 def _shorten_matplotlib_docstrings() -> None:
