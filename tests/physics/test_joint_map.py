@@ -74,6 +74,13 @@ def columns(path, names, scale=1.0):
         return scale * np.array([[float(row[name]) for name in names] for row in csv.DictReader(file)])
 
 
+def written(file, names, q, mass):
+    """A program of joints under a mass, [rad] in degrees."""
+    rows = [[*names, "mass_kg"], *(map(repr, [*row, mass]) for row in np.degrees(q).tolist())]
+    file.write_text("\n".join(map(",".join, rows)))
+    return file
+
+
 RAD, DEG = ([f"joint_{k}_{unit}" for k in range(1, 7)] for unit in ("rad", "deg"))
 
 
@@ -142,13 +149,7 @@ def test_programs_are_corrected_alike_and_come_out_in_pendant_joints(both, tmp_p
     way = np.linspace([0.2, -0.6, 0.9, 0.1, -0.4, 0.3], [0.5, -0.3, 0.6, 0.3, -0.6, 0.1], 7)
     found = []
     for cell, q, name in zip(both, (way, counted(way)), ("plain", "pendant"), strict=True):
-        file = tmp_path / f"{name}.csv"
-        rows = [
-            ",".join([*DEG, "mass_kg"]),
-            *(",".join(map(repr, [*np.degrees(x).tolist(), 9.0])) for x in q),
-        ]
-        file.write_text("\n".join(rows))
-        program = tb.read_program(file, cell.arm)
+        program = tb.read_program(written(tmp_path / f"{name}.csv", DEG, q, 9.0), cell.arm)
         np.testing.assert_allclose(program.q, way, rtol=0, atol=ROUND_TRIP)
         found.append(correct_program(unsure(cell), program, Aim()))
     q = found[0].found.q
@@ -159,9 +160,8 @@ def test_programs_are_corrected_alike_and_come_out_in_pendant_joints(both, tmp_p
     np.testing.assert_allclose(columns(tmp_path / "c.csv", DEG), wanted, rtol=0, atol=1e-10)
     moved = columns(tmp_path / "c.csv", [f"correction_{name}" for name in DEG])
     np.testing.assert_allclose(moved, wanted - np.degrees(counted(way)), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(
-        tb.read_program(tmp_path / "c.csv", arm).q, found[1].found.q, rtol=0, atol=ROUND_TRIP
-    )
+    again = tb.read_program(tmp_path / "c.csv", arm).q
+    np.testing.assert_allclose(again, found[1].found.q, rtol=0, atol=ROUND_TRIP)
 
 
 MOVES = {
@@ -341,24 +341,17 @@ def test_a_palletiser_is_corrected_by_its_file_joints_alone(level, tmp_path):
     arm, mass = level.arm, 80.0
     way = np.linspace([0.1, 0.2, -0.2, 0.4], [0.5, 0.5, 0.1, 0.1], 6)
     names = [f"{joint.name}_deg" for joint in arm.file_joints]
-    rows = [
-        ",".join([*names, "mass_kg"]),
-        *(",".join(map(repr, [*np.degrees(x).tolist(), mass])) for x in way),
-    ]
-    (file := tmp_path / "way.csv").write_text("\n".join(rows))
-    program = tb.read_program(file, arm)
+    program = tb.read_program(written(tmp_path / "way.csv", names, way, mass), arm)
     found = correct_program(unsure(level), program, Aim())
     q = found.found.q
     assert found.found.corrected.all()
     np.testing.assert_allclose(arm.to_chain_joints(arm.to_file_joints(q)), q, rtol=0, atol=ROUND_TRIP)
     point = np.tile(level.vjm.load_point, (len(q), 1))
     wrench = np.tile([0, 0, -9.81 * mass, 0, 0, 0], (len(q), 1))
-    true = solve_equilibrium(level.plant, q, wrench, point)
-    before = solve_equilibrium(level.plant, arm.to_chain_joints(way))
-    off = (
-        solve_equilibrium(level.plant, arm.to_chain_joints(way), wrench, point).tool_positions
-        - before.tool_positions
-    )
+    rest = arm.to_chain_joints(way)
+    true, sagged = (solve_equilibrium(level.plant, own, wrench, point) for own in (q, rest))
+    before = solve_equilibrium(level.plant, rest)
+    off = sagged.tool_positions - before.tool_positions
     assert np.linalg.norm(off, axis=1).min() > 5e-4
     assert np.abs(true.tool_positions - before.tool_positions).max() < 1e-8
     left = rotation_vectors_between(true.tool_rotations, before.tool_rotations)
