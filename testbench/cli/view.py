@@ -1,7 +1,6 @@
 """testbench view DIR: the newest recording of a run in the Rerun viewer, in a window or in a browser."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -28,13 +27,9 @@ def command(asked: ViewOptions) -> None:
     """Open it."""
     file = viewer.newest(asked.folder)
     if not asked.web and not viewer.has_display():
-        raise BenchError(f"there is no display to open {file}: {_other_ways(asked.folder, file)}")
+        page = file.with_name(PAGE)
+        more = f", {page} opens anywhere" if page.is_file() else ""
+        way = f"`testbench view {shell_word(asked.folder)} --web` shows it in a browser{more}"
+        raise BenchError(f"there is no display to open {file}: {way}")
     viewer.check_whole(file)
     viewer.view(file, web=asked.web)
-
-
-def _other_ways(folder: Path, file: Path) -> str:
-    """Say what there is without a display."""
-    page = file.with_name(PAGE)
-    more = f", {page} opens anywhere" if page.is_file() else ""
-    return f"`testbench view {shell_word(folder)} --web` shows it in a browser{more}"

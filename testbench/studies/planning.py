@@ -26,6 +26,7 @@ from testbench.identify.estimate import Estimate, deflections_of_models
 from testbench.identify.prior import Prior, PriorUncertainty, scale_by_prior
 from testbench.model.laws import remove_law_parameters
 from testbench.model.load import weight
+from testbench.model.structure import joints_only
 from testbench.model.vjm import WorkArea, evaluate_chain
 from testbench.plant.rigid_cell import Payload
 from testbench.plant.tracker import Station
@@ -78,7 +79,7 @@ from testbench.workflows.predicted_error import (
     Expected,
     forecast_summary,
     half_widths,
-    joints_alone,
+    least_squares,
     linear_fit_after,
 )
 from testbench.workflows.rows import MM
@@ -371,7 +372,10 @@ def _of_promise(bench: Bench, seed: int, measured: tuple[str, Array, Dataset]) -
     name = prior_in_turn(seed)
     prior, tasks = prior_of(cell, name, seed), bench.tasks
     whole, models = _specify(cell, settings, prior, WHOLE), _fits(cell, prior)
-    for fit, spec in ((WHOLE, whole), (INCUMBENT, joints_alone(whole, prior))):
+    for fit, spec in (
+        (WHOLE, whole),
+        (INCUMBENT, least_squares(whole, prior, joints_only(cell.arm))),
+    ):
         after = linear_fit_after(
             spec, prior, partial(whitened_rows_by_load, q=q, load_index=np.zeros(len(q), dtype=int))
         )

@@ -28,7 +28,7 @@ from testbench.design.planning import (
 from testbench.design.rows import PlanSpecification, deflection_rows, select_loads, task_rows
 from testbench.errors import Array, Ids
 from testbench.identify.prior import Prior, cad_prior
-from testbench.model.structure import all153
+from testbench.model.structure import all153, joints_only
 from testbench.model.vjm import evaluate_chain, tool_poses
 from testbench.plant.rigid_cell import has_surroundings
 from testbench.runs.rows import Row, finite, trial_rng
@@ -39,7 +39,7 @@ from testbench.workflows.predicted_error import (
     error_map,
     forecast_summary,
     half_widths,
-    joints_alone,
+    least_squares,
     linear_fit_after,
     open_laws,
     prior_uncertainty,
@@ -162,7 +162,7 @@ def _pairs(made: Planned) -> Row:
     assert isinstance(plan, Plan)
     spec, rows = plan.specification, task_rows(plan.specification)
     scaling, influence = spec.setup.scaling, prior_influence(plan, rows)
-    alone = linear_fit_after(joints_alone(spec, prior), prior, plan.whitened_rows)
+    alone = linear_fit_after(least_squares(spec, prior, joints_only(cell.arm)), prior, plan.whitened_rows)
     drawn, rng = len(made.found.q) * len(spec.loads), trial_rng(made.settings.seed, 3)
     others = baselines(plan, rows, n_random_candidates=drawn, rng=rng)
     around, chance = made.workspace, others.random_errors[made.settings.poses]

@@ -19,7 +19,7 @@ from testbench.identify.posterior import CONFIDENCE
 from testbench.identify.prior import Prior, PriorUncertainty, cad_prior, prior_rows, scale_by_prior
 from testbench.model.laws import add_joint_laws, add_law_parameters, set_load_history
 from testbench.model.load import Load, sum_generalised_loads
-from testbench.model.structure import Structure, all153, joints_only
+from testbench.model.structure import Structure, all153
 from testbench.model.vjm import Vjm, evaluate_chain, tool_poses
 from testbench.runs.rows import Row, finite
 from testbench.workflows.cell import Cell
@@ -86,19 +86,6 @@ def linear_fit_after(
     every = spec.setup
     whole = replace(every, scaling=scale_by_prior(prior, every.vjm, all153(every.vjm.arm)))
     return linear_fit(whole, prior_uncertainty(spec), spec, whitened_rows)
-
-
-def joints_alone(spec: PlanSpecification, prior: Prior) -> PlanSpecification:
-    """Specify the same measurements to identify joint compliances alone, by least squares.
-
-    Args:
-        spec: What the plan is made for.
-        prior: The prior.
-
-    Returns:
-        The specification.
-    """
-    return least_squares(spec, prior, joints_only(spec.setup.vjm.arm))
 
 
 def least_squares(spec: PlanSpecification, prior: Prior, structure: Structure) -> PlanSpecification:
