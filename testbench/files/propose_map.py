@@ -341,7 +341,8 @@ def _with_holes(entry: Entry, named: Mapping[str, str]) -> Entry:
 def _of_the_arm(table: TableCells, alone: Mask) -> tuple[TableCells, list[Entry]]:
     """Without rows that have no joints, such as of a nest, where targets have other names there."""
     names = [name for name in table.names if column_meaning(name) == "name"] if alone.any() else []
-    for texts, name in ((np.array(keys_of(table, [name])), name) for name in names):
+    for name in reversed(names):  # a pose is named before its targets
+        texts = np.array(keys_of(table, [name]))
         targets, others = {*texts[~alone].tolist()}, {*texts[alone].tolist()}
         if not targets & others and len(targets) <= min(TARGETS, len(texts) / 2):
             own = Entry("words", "ignore", sorted(others), f"no joints for {', '.join(sorted(others))}")
