@@ -9,11 +9,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from testbench.arm.document import read_decimals
 from testbench.arm.folder import Arm
 from testbench.errors import BenchError, InputError
 from testbench.files.export import (
     ABB,
+    AXES,
     BEGINS,
     STAMP,
     BestOffsets,
@@ -35,6 +35,7 @@ from testbench.runs.rows import Row
 from testbench.runs.whole import HEAD, INSTEAD, Kind, check_file, look, writing
 from testbench.workflows.arm_models import load_model
 from testbench.workflows.options import Force, takes
+from testbench.workflows.plan_input import parse_numbers
 
 URDF = Kind("a URDF that testbench export wrote", STAMPED)
 BESIDE = Kind("a JSON file that testbench export wrote", BEGINS)
@@ -85,12 +86,9 @@ def _write_urdf(asked: ExportOptions, urdf: Path) -> None:
 
 def _write_into(asked: ExportOptions, file: Path) -> None:
     out, (form, _) = asked.out or Path(f"{file.stem}_calibrated{file.suffix}"), read_controller(file)
-    try:
-        gears = read_decimals(word.strip() for word in asked.gears.split(",") if asked.gears)
-    except ValueError as err:
-        raise BenchError(f"--gears: expected numbers with commas between, got {asked.gears!r}") from err
-    if gears and form is not ABB:
+    if asked.gears and form is not ABB:
         raise BenchError("--gears is only for a file of an ABB controller")
+    gears = parse_numbers(asked.gears, (AXES, AXES**2), "--gears") if form is ABB else []
     model = _read(asked, out, CONTROLLER, [file])
     _say(model, _offset_words(model.arm, out, *export_offsets(model.state, file, out, gears)))
 

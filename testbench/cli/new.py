@@ -10,9 +10,8 @@ import numpy as np
 import typer
 from scipy.spatial.transform import Rotation
 
-from testbench.arm.document import read_decimals
 from testbench.arm.elastic import PAYLOAD_RANGE
-from testbench.errors import Array, BenchError, InputError, check_array, shell_word
+from testbench.errors import Array, BenchError, InputError, shell_word
 from testbench.files.robot.chain import read_chain
 from testbench.files.robot.robot import pose_of
 from testbench.report.terminal import plain_console
@@ -21,6 +20,7 @@ from testbench.workflows.cell import build_cell
 from testbench.workflows.new_arm import UserInputs, write_arm
 from testbench.workflows.options import NAME as PROJECT
 from testbench.workflows.options import TEMPLATE
+from testbench.workflows.plan_input import parse_numbers
 
 
 def command(
@@ -141,13 +141,7 @@ def _marker(text: str) -> tuple[str, Array]:
 
 
 def _numbers(flag: str, text: str, counts: tuple[int, ...]) -> Array:
-    try:
-        values = check_array(read_decimals(word.strip() for word in text.split(",")), (None,), flag)
-    except ValueError as err:
-        raise BenchError(f"{flag}: expected numbers with commas between, got {text!r}") from err
-    if len(values) not in counts:
-        wanted = " or ".join(map(str, counts))
-        raise BenchError(f"{flag}: expected {wanted} numbers, got {len(values)} in {text!r}")
+    values = np.array(parse_numbers(text, counts, flag))
     if np.abs(values[:3]).max() > MAX_TIP_DISTANCE:
         raise BenchError(f"{flag}: expected metres up to {MAX_TIP_DISTANCE:g}, got {text!r}")
     return values

@@ -207,7 +207,7 @@ JointMeaning = Literal["unloaded", "drawn"]
 """Pose that programmed joints stand for: "unloaded", that of the arm under own weight alone, as taught; or
 "drawn", that of the nominal rigid arm."""
 CONVERGENCE_TOLERANCE = 1e-10  #: Largest error of position and equilibrium of a solved point [m, rad].
-USUAL_STEPS, MAX_STEPS = 5, 60  #: Number of steps that suffice for most points, and largest number of steps.
+MAX_STEPS = 60  #: Largest number of steps.
 #: Number of steps after which steps are halved; after twice as many they are quartered.
 STEPS_BEFORE_HALVING = 10
 CONVERGED_JOINT_MOTION = 1e-9  #: Motion of all joints in a step below which a solved point is final [rad, m].
@@ -291,7 +291,6 @@ class InverseStaticsSolution:
     rotation_error: Array
     #: Largest distance of a virtual joint from its equilibrium, (points,) [m, rad].
     equilibrium_residual: Array
-    steps: Ids  #: Number of evaluations of the deflected arm, (points,).
 
     @property
     def solved(self) -> Mask:
@@ -362,9 +361,9 @@ def _rotation_error(points: InverseStaticsProblem, rotation: Array) -> Array:
 def solve_inverse_statics(problem: InverseStaticsProblem) -> InverseStaticsSolution:
     """Find joints that put the loaded tool on its targets, without regard to joint limits.
 
-    Most points converge in `USUAL_STEPS` steps with the inverse Jacobian of the first step; the others get
-    more steps. Points that still do not converge are solved with a new inverse Jacobian in every step, and
-    then for their position alone: where the arm is stretched, the rotation may prevent the position.
+    Most points converge in five steps with the inverse Jacobian of the first step. Points that do not
+    converge are solved with a new inverse Jacobian in every step, and then for their position alone: where
+    the arm is stretched, the rotation may prevent the position.
 
     Mathematics: `cor-1`, `cor-3`.
 
@@ -374,54 +373,39 @@ def solve_inverse_statics(problem: InverseStaticsProblem) -> InverseStaticsSolut
     Returns:
         The joints and the remaining errors; `InverseStaticsSolution.solved` tells which points are reached.
     """
-    # most points, then together those that need more steps
-    corrected = _in_batches(problem, USUAL_STEPS)
-    late = np.flatnonzero(corrected.steps > USUAL_STEPS)
-    if len(late):
-        assign_rows(corrected, late, _in_batches(problem.select(late), MAX_STEPS))
+    corrected = _in_batches(problem, renewed=False)
     alone = replace(problem.aim, corrected_part="position")
     # unsolved points: with a renewed operator, then position alone, with the first and a renewed operator
     for aim, renewed in ((problem.aim, True), (alone, False), (alone, True)):
         bad = np.flatnonzero(~corrected.solved)
         if len(bad):
-            again = _in_batches(replace(problem.select(bad), aim=aim), MAX_STEPS, renewed=renewed)
+            again = _in_batches(replace(problem.select(bad), aim=aim), renewed=renewed)
             better = np.flatnonzero(again.solved)
             assign_rows(corrected, bad[better], select_rows(again, better))
     return corrected
 
 
-def _in_batches(
-    points: InverseStaticsProblem, max_steps: int, *, renewed: bool = False
-) -> InverseStaticsSolution:
-    """Solve points in batches with at most `max_steps`; `steps` is one more where they do not converge."""
+def _in_batches(points: InverseStaticsProblem, *, renewed: bool) -> InverseStaticsSolution:
+    """Solve points in batches."""
     slices = pose_slices(len(points.start))
-    return concatenate_rows(
-        [_solve_batch(points.select(part), max_steps, renewed=renewed) for part in slices]
-    )
+    return concatenate_rows([_solve_batch(points.select(part), renewed=renewed) for part in slices])
 
 
-def _solve_batch(points: InverseStaticsProblem, max_steps: int, *, renewed: bool) -> InverseStaticsSolution:
-    """Take at most `max_steps` Newton steps, with the operator of the start or renewed in every step."""
+def _solve_batch(points: InverseStaticsProblem, *, renewed: bool) -> InverseStaticsSolution:
+    """Take at most `MAX_STEPS` Newton steps, with the operator of the start or renewed in every step."""
     runs = len(points.start)
     q, theta = points.start.copy(), theta_without_springs(points.state, points.start, points.loads)
-    corrected = InverseStaticsSolution(
-        q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs), np.zeros(runs, int)
-    )
+    corrected = InverseStaticsSolution(q, np.zeros((runs, 3)), np.zeros((runs, 3)), np.zeros(runs))
     moving = np.arange(runs)
     now = points
     moves = points.state.vjm.arm.dependence_matrix
     G, J = np.zeros((runs, q.shape[1], 6)), np.zeros((runs, 6, q.shape[1]))
-    for step in range(max_steps):
+    for step in range(MAX_STEPS):
         # errors of position, rotation and equilibrium at the present q and theta
         off = _errors(now, q[moving], theta[moving])
-        corrected.position_error[moving], corrected.rotation_error[moving] = (
-            off.position_error,
-            off.rotation_error,
-        )
-        corrected.equilibrium_residual[moving], corrected.steps[moving] = (
-            np.abs(off.spring_error).max(axis=1),
-            step + 1,
-        )
+        corrected.position_error[moving] = off.position_error
+        corrected.rotation_error[moving] = off.rotation_error
+        corrected.equilibrium_residual[moving] = np.abs(off.spring_error).max(axis=1)
         # the operator of this step; a fixed joint has no column
         if step == 0 or renewed:
             J = _jacobian(now.aim, off.chain, now.state.vjm.joint_spring_slice)
@@ -442,7 +426,6 @@ def _solve_batch(points: InverseStaticsProblem, max_steps: int, *, renewed: bool
             now = now.select(go)
             G = G[go]
             J = J[go]
-    corrected.steps[moving] += 1
     return corrected
 
 

@@ -15,7 +15,7 @@ Numbers in the configuration file of a robot's controller: found and replaced, a
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -507,6 +507,7 @@ def _tensors(arm: Arm) -> dict[str, Array]:
 MAX_BYTES = 16_000_000
 BYTES = "latin-1"  #: A byte a character, whatever the encoding is.
 STAMP = "testbench export: as identified"
+DECIMALS = 8  #: Decimals of a number that is written.
 NUMBER = r"(?P<number>[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?)(?![\w.])"
 KUKA_LINE = rf"(?mi)^[ \t]*\$MAMES\[(?P<key>\d+)\][ \t]*=[ \t]*{NUMBER}"
 ABB_LINE = rf'(?s)-name\s+"(?P<key>[^"]*)"(?:(?!-name\s).)*?\s-cal_offset\s+{NUMBER}'
@@ -520,15 +521,14 @@ class Format:
     name: str  #: Name of one key in the file, `{}` for the key.
     part: str  #: Regular expression of the section with the numbers.
     line: str  #: Regular expression of one number, with the groups `key` and `number`.
-    decimals: int  #: Decimals of a number that is written.
     comment: str  #: Beginning of a comment.
     head: str  #: Regular expression of the text before our comment.
 
 
 KUKA = Format(
-    "KUKA's $machine.dat", "$MAMES[{}]", r"(?is)\$MAMES.*", KUKA_LINE, 8, ";", r"(?ims)(.*?^DEFDAT.*?\n)?"
+    "KUKA's $machine.dat", "$MAMES[{}]", r"(?is)\$MAMES.*", KUKA_LINE, ";", r"(?ims)(.*?^DEFDAT.*?\n)?"
 )
-ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", ABB_LINE, 8, "#", r"[^\n]*\n")
+ABB = Format("ABB's MOC.cfg", 'cal_offset of "{}"', r"(?m)^MOTOR_CALIB:[^#]*", ABB_LINE, "#", r"[^\n]*\n")
 
 
 def read_controller(file: Path) -> tuple[Format, str]:
@@ -558,7 +558,7 @@ def read_controller(file: Path) -> tuple[Format, str]:
     raise InputError(file, "", f"expected {KUKA.title} or {ABB.title}")
 
 
-def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Mapping[str, re.Match[str]]:
+def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> list[re.Match[str]]:
     """Find the numbers of some keys in the text of a controller file.
 
     Args:
@@ -568,59 +568,45 @@ def find_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Ma
         keys: The keys.
 
     Returns:
-        Match of every key.
+        Matches with the group `number`, in the order of the keys.
 
     Raises:
         InputError: If a key is missing or occurs twice.
     """
     found: dict[str, re.Match[str]] = {}
-    part = re.search(form.part, text)
-    for match in re.compile(form.line).finditer(text, part.start() if part else 0, part.end() if part else 0):
+    part = next(re.finditer(form.part, text))
+    for match in re.compile(form.line).finditer(text, *part.span()):
         if match["key"] in found:
             raise InputError(file, form.name.format(match["key"]), "is there twice")
         found[match["key"]] = match
     for key in keys:
         if key not in found or not math.isfinite(float(found[key]["number"])):
             raise InputError(file, "", f"expected {form.title} with a number at {form.name.format(key)}")
-    return {key: found[key] for key in keys}
+    return [found[key] for key in keys]
 
 
-def read_numbers(form: Format, file: Path, text: str, keys: Sequence[str]) -> Array:
-    """Read the numbers of some keys in the text of a controller file.
-
-    Args:
-        form: Kind of file.
-        file: The file, for messages.
-        text: Its text.
-        keys: The keys.
-
-    Returns:
-        The numbers, in the order of the keys.
-
-    Raises:
-        InputError: If a key is missing or occurs twice.
-    """
-    return np.array([float(match["number"]) for match in find_numbers(form, file, text, keys).values()])
+def _values(numbers: Sequence[re.Match[str]]) -> Array:
+    return np.array([float(match["number"]) for match in numbers])
 
 
 def exchanged(
-    form: Format, text: str, numbers: Mapping[str, re.Match[str]], values: Iterable[float], *said: str
+    form: Format, text: str, numbers: Sequence[re.Match[str]], values: Iterable[float], *said: str
 ) -> str:
     """Replace numbers in the text of a controller file; add our stamp and comments.
 
     Args:
         form: Kind of file.
         text: The text.
-        numbers: Match of every number, from `find_numbers`.
+        numbers: Matches of the numbers, from `find_numbers`.
         values: New numbers, in the same order.
         said: Lines of comment.
 
     Returns:
         The new text.
     """
-    for match, value in sorted(zip(numbers.values(), values, strict=True), key=lambda pair: -pair[0].end()):
+    for match, value in sorted(zip(numbers, values, strict=True), key=lambda pair: -pair[0].end()):
         start, end = match.span("number")
-        text = f"{text[:start]}{round(value, form.decimals) + 0.0:.{form.decimals}f}{text[end:]}"
+        text = f"{text[:start]}{round(value, DECIMALS) + 0.0:.{DECIMALS}f}{text[end:]}"
     newline, head = "\r\n" if "\r\n" in text else "\n", re.match(form.head, text)
     at = head.end() if head else 0
     return text[:at] + "".join(f"{form.comment} {line}{newline}" for line in (STAMP, *said)) + text[at:]
@@ -650,17 +636,18 @@ def export_offsets(
         BenchError: If the arm has other axes or another number of gears, or the offsets, read back, differ.
     """
     form, text = read_controller(file)
-    keys, turns = _axes(form, six_axes(form.title, state).n_joints, gears)
-    numbers, old = find_numbers(form, file, text, keys), read_numbers(form, file, text, keys)
+    arm = six_axes(form.title, state)
+    keys, turns = _axes(form, gears)
+    numbers = find_numbers(form, file, text, keys)
+    old = _values(numbers)
     q = random_joints(state.vjm)
     best = best_offsets(state, q)
-    arm = state.vjm.arm
     offsets = arm.to_file_joint_change(best.offsets)  # a controller counts the pendant's joints
     new = old + turns @ offsets
     said = [f"{rms:.3f} mm RMS, {most:.3f} at most: {kind}" for kind, (rms, most) in best.left.items()]
     new -= FULL_ROTATION * np.trunc(new / FULL_ROTATION) if form is ABB else 0
     written = exchanged(form, text, numbers, new.tolist(), "not in the offsets, at the tool:", *said)
-    change = read_numbers(form, out, written, keys) - old
+    change = _values(find_numbers(form, out, written, keys)) - old
     change -= FULL_ROTATION * np.round((change - turns @ offsets) / FULL_ROTATION) if form is ABB else 0
     read = np.asarray(np.linalg.solve(turns, change), dtype=np.float64)
     read = arm.to_chain_joints(read) - arm.to_chain_joints(np.zeros(AXES))
@@ -697,13 +684,11 @@ def six_axes(title: str, state: ArmState) -> Arm:
     return arm
 
 
-def _axes(form: Format, n: int, gears: Sequence[float]) -> tuple[list[str], Array]:
-    """Return the keys of the axes in a file, and the change of their numbers per radian of offset, (n, n)."""
+def _axes(form: Format, gears: Sequence[float]) -> tuple[list[str], Array]:
+    """Return the keys of the axes in a file, and the change of their numbers per radian of offset, (6, 6)."""
     if form is KUKA:
-        return [str(k + 1) for k in range(n)], np.degrees(np.eye(n))
-    if len(gears) not in (n, n * n):
-        raise BenchError(f"--gears: expected {n} numbers, or {n * n} row by row, got {len(gears)}")
-    turns = np.diag(gears) if len(gears) == n else np.reshape(gears, (n, n))
+        return [str(k + 1) for k in range(AXES)], np.degrees(np.eye(AXES))
+    turns = np.diag(gears) if len(gears) == AXES else np.reshape(gears, (AXES, AXES))
     if not abs(np.linalg.det(turns)) >= 1:
         raise BenchError("--gears: expected turns of each motor per turn of its axis, such as 120 or -98.5")
-    return [f"rob1_{k + 1}" for k in range(n)], -turns
+    return [f"rob1_{k + 1}" for k in range(AXES)], -turns

@@ -671,32 +671,28 @@ def _moves(program: ProgramText) -> tuple[tuple[MoveText, ...], list[str]]:
     return tuple(moves), list(left)
 
 
-def values_of(
-    program: ProgramText, points: Sequence[PointText], names: Sequence[str], optional: int | None = None
-) -> Array:
+def values_of(program: ProgramText, points: Sequence[PointText], names: Sequence[str]) -> Array:
     """Read numbers of points.
 
     Args:
         program: The program.
         points: Some of its points.
         names: Names of the axes, k of them.
-        optional: Count of the first axes that must be there; None for all.
 
     Returns:
-        Numbers as the language writes them, (points, k); NaN for one that may be missing.
+        Numbers as the language writes them, (points, k).
 
     Raises:
         InputError: Names line and axis of the first number that is missing.
     """
-    found = np.full((len(points), len(names)), np.nan)
+    found = np.empty((len(points), len(names)))
     for row, point in enumerate(points):
         for k, name in enumerate(names):
-            if name in point.numbers:
-                found[row, k] = point.numbers[name].value
-            elif optional is None or k < optional:
+            if name not in point.numbers:
                 source = program.sources[point.source]
                 problem = f"expected a number for each of {', '.join(names)}, got none for {name}"
                 raise source.error(point.start, f"point {point.name}".strip() + f": {problem}")
+            found[row, k] = point.numbers[name].value
     return found
 
 

@@ -125,7 +125,7 @@ def generalised_force(plant: Plant, state: BodyState, body: int, wrench: Array, 
         Generalised force, (poses, nv) [N, N m].
     """
     force, moment = wrench[:, :3], wrench[:, 3:]
-    about_centre = moment + _cross(point - state.reference_point, force)
+    about_centre = moment + np.cross(point - state.reference_point, force)
     Q = np.matvec(state.spatial_jacobian, np.concatenate([about_centre, force], axis=1))
     return np.asarray(Q * plant.joint_moves_body[body])
 
@@ -144,13 +144,7 @@ def _body_motion(plant: Plant, state: BodyState, body: int, theta: Array) -> tup
     """
     twist = np.vecmat(theta * plant.joint_moves_body[body], state.spatial_jacobian)
     turn, shift = twist[:, :3], twist[:, 3:]
-    return shift + _cross(turn, state.body_positions[body] - state.reference_point), turn
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Compute vector products a x b, (poses, 3): np.cross takes five times as long."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+    return shift + np.cross(turn, state.body_positions[body] - state.reference_point), turn
 
 
 # --- A gravity compensator: a spring from link 1 to link 2 that supports joint 2 ----------------------------

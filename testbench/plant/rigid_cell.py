@@ -357,33 +357,23 @@ def find_contacts(rigid_cell: RigidCell, q: Array) -> list[Contact | None]:
     Raises:
         BenchError: When q has another shape or is not finite.
     """
+    clearance = 0.0 if rigid_cell.payload is None else rigid_cell.payload.clearance
     first_contacts: list[Contact | None] = []
-    geoms, depths = [np.empty((0, 2), dtype=int)], [np.empty(0)]
     for data in _poses(rigid_cell, q):
         compute_contacts(rigid_cell.arm.mjcf_path, rigid_cell.model, data)
-        first_contacts.append(None)
-        geoms.append(data.contact.geom.copy())
-        depths.append(data.contact.dist.copy())
-    pose = np.repeat(np.arange(len(first_contacts)), [len(depth) for depth in depths[1:]])
-    pairs = np.concatenate(geoms)
-    for k in _touching(rigid_cell, pose, pairs, np.concatenate(depths)):
+        pairs = data.contact.geom
+        kind = rigid_cell.geom_categories[pairs].max(axis=1)
+        # geoms of a user's MJCF may have margins
+        near = np.where(kind == CONTACT_CATEGORIES.index("payload"), clearance, 0.0)
+        touching = np.flatnonzero(data.contact.dist < near)
+        if not len(touching):
+            first_contacts.append(None)
+            continue
+        k = touching[kind[touching].argmin()]
         pair = sorted(pairs[k], key=lambda g: rigid_cell.geom_categories[g])
         first, second = (rigid_cell.body_names[rigid_cell.model.geom_bodyid[g]] for g in pair)
-        first_contacts[pose[k]] = Contact(
-            CONTACT_CATEGORIES[rigid_cell.geom_categories[pair].max()], (first, second)
-        )
+        first_contacts.append(Contact(CONTACT_CATEGORIES[kind[k]], (first, second)))
     return first_contacts
-
-
-def _touching(rigid_cell: RigidCell, pose: Ids, pairs: Ids, distance: Array) -> Ids:
-    """Select the first contact of every pose by the order of `CONTACT_CATEGORIES`, if it is close enough."""
-    clearance = 0.0 if rigid_cell.payload is None else rigid_cell.payload.clearance
-    kind = rigid_cell.geom_categories[pairs].max(axis=1)
-    # geoms of a user's MJCF may have margins
-    near = np.where(kind == CONTACT_CATEGORIES.index("payload"), clearance, 0.0)
-    touching = np.flatnonzero(distance < near)
-    touching = touching[np.lexsort((kind[touching], pose[touching]))]
-    return np.asarray(touching[np.unique(pose[touching], return_index=True)[1]])
 
 
 def find_collisions(rigid_cell: RigidCell, q: Array) -> list[tuple[str, str] | None]:

@@ -101,8 +101,8 @@ def work_area(cell: Cell) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmContext:
-    """Hold an arm and what its doubts are judged by."""
+class Checked:
+    """Hold an arm and what is found of it."""
 
     cell: Cell  #: The arm.
     elastic: ElasticDocument  #: Its elastic.toml, with the origin of every number.
@@ -113,8 +113,93 @@ class ArmContext:
         """Return its kinematics."""
         return self.cell.vjm
 
+    @cached_property
+    def apart(self) -> float:
+        """Compute the largest distance between the two readings of it [m]."""
+        return check_agreement(self.vjm, self.cell.plant)
 
-def arm_warnings(looked: ArmContext) -> list[Doubt]:
+    @cached_property
+    def items(self) -> list["Item"]:
+        """List what to confirm, the largest effect first."""
+        return to_confirm(self)
+
+    @cached_property
+    def doubts(self) -> list[Doubt]:
+        """List what may be wrong."""
+        return arm_warnings(self)
+
+    @cached_property
+    def poses(self) -> Array:
+        """Choose two poses to draw, (2, n) [rad, m]: zero, or as near as limits let, and that of median sag.
+
+        A first joint about the vertical does not change the sag: both poses have it at the same angle.
+        """
+        zero = self.cell.arm.clip_to_limits(np.zeros(self.cell.arm.n_joints))
+        middle = int(np.argsort(self.sag.size)[len(self.sag.size) // 2])
+        poses = np.array([zero, self.sag.q[middle]])
+        turning, tilt, _ = base_stance(self.cell)
+        if turning == 0 and tilt <= UPRIGHT:
+            poses[1, 0] = poses[0, 0]
+        return self.cell.arm.with_dependent_joints(poses)
+
+    @cached_property
+    def worst(self) -> int:
+        """Return the pose of the largest sag."""
+        return int(np.argmax(self.sag.size))
+
+    @property
+    def beams(self) -> Array:
+        """Compute where each link's beam begins and how it lies, in both poses, (2, n + 1, 4, 4) [m]."""
+        found = np.tile(np.eye(4), (2, len(self.cell.arm.links), 1, 1))
+        bodies = body_poses(self.vjm, self.poses)
+        for k, (link, (p, R)) in enumerate(zip(self.cell.arm.links, bodies, strict=False)):
+            found[:, k, :3, :3], found[:, k, :3, 3] = R @ link.beam_axes, p
+        return found
+
+    @property
+    def sizes(self) -> Array:
+        """Return length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
+        tubes, ways = [link.tube for link in self.elastic.link], self.vjm.body_offsets
+        return np.array(
+            [
+                (t.length.value, t.outer_diameter.value) if t else (np.linalg.norm(way), 0.0)
+                for t, way in zip(tubes, ways, strict=True)
+            ]
+        )
+
+    @property
+    def tube_lines(self) -> tuple[Array, Array]:
+        """Compute where the lines that draw the tubes begin and end, in both poses, (2, k, 3) [m]."""
+        beams, (length, diameter) = self.beams, self.sizes.T
+        start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
+        rings = 0.5 * diameter[:, None, None] * UNIT_CIRCLE[:, :2]  # (tubes, p, 2)
+        near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
+        far, step = near + along[:, :, None], len(UNIT_CIRCLE) // SPOKES
+        lines = (
+            (near, np.roll(near, -1, axis=2)),
+            (far, np.roll(far, -1, axis=2)),
+            (near[:, :, ::step], far[:, :, ::step]),
+        )
+        begin, end = (
+            np.concatenate([x.reshape(2, -1, 3) for x in ends], axis=1) for ends in zip(*lines, strict=True)
+        )
+        return begin, end
+
+    @property
+    def bending(self) -> Array:
+        """Compute virtual joints under the payload, a kilogram if it is not stated, (2, n_theta) [m, rad]."""
+        arm, q = self.cell.arm, self.poses
+        force = np.array([0, 0, -GRAVITY * (arm.payload or 1.0), 0, 0, 0])
+        load = np.tile(force, (len(q), 1)), np.tile(self.vjm.load_point, (len(q), 1))
+        return np.asarray((arm.C_theta @ generalised_load(evaluate_chain(self.vjm, q), *load)).T)
+
+    def doubted(self, name: str) -> bool:
+        """Tell whether a doubt is about a link, joint or point of that name."""
+        said = [doubt.sentence for doubt in self.doubts]
+        return any(s.startswith(f"{name} ") or name in s.partition(":")[0].split(", ") for s in said)
+
+
+def arm_warnings(looked: Checked) -> list[Doubt]:
     """List everything that looks wrong, the geometry first."""
     looks = {
         "tube length": _tube_lengths,
@@ -131,7 +216,7 @@ def arm_warnings(looked: ArmContext) -> list[Doubt]:
     return [Doubt(name, sentence) for name, look in looks.items() for sentence in look(looked)]
 
 
-def _tube_lengths(arm: ArmContext) -> Iterator[str]:
+def _tube_lengths(arm: Checked) -> Iterator[str]:
     """A tube as long as the way to the next joint."""
     for link, step in zip(arm.elastic.link, arm.vjm.body_offsets, strict=True):
         if link.tube is not None:
@@ -143,7 +228,7 @@ def _tube_lengths(arm: ArmContext) -> Iterator[str]:
                 yield f"{link.name}: its tube is {length:.3g} m long, its frames are {distance:.3g} m apart"
 
 
-def _beam_axes(arm: ArmContext) -> Iterator[str]:
+def _beam_axes(arm: Checked) -> Iterator[str]:
     """A beam that points to the next joint."""
     for link, step in zip(arm.cell.arm.links, arm.vjm.body_offsets, strict=True):
         distance = float(np.linalg.norm(step))
@@ -155,7 +240,7 @@ def _beam_axes(arm: ArmContext) -> Iterator[str]:
                 yield f"{link.name}: its beam axis points {angle:.0f} deg off the next frame, {way}"
 
 
-def _diameters(arm: ArmContext) -> Iterator[str]:
+def _diameters(arm: Checked) -> Iterator[str]:
     """A tube neither a disc nor thicker than the link is drawn."""
     widths = {
         k: float(np.ptp(own @ arm.cell.arm.links[k].beam_axes[:, 1:], axis=0).max())
@@ -185,7 +270,7 @@ def _drawn(cell: Cell) -> dict[int, Array]:
     return found
 
 
-def _neighbours(arm: ArmContext) -> Iterator[str]:
+def _neighbours(arm: Checked) -> Iterator[str]:
     """Joints of one kind whose compliances are of one class."""
     for a, b in pairwise(arm.elastic.joint):
         if a.compliance.unit != b.compliance.unit:
@@ -196,7 +281,7 @@ def _neighbours(arm: ArmContext) -> Iterator[str]:
             yield f"{soft.name} is {ratio:.3g} times as soft as its neighbour {hard.name}"
 
 
-def _sags(arm: ArmContext) -> Iterator[str]:
+def _sags(arm: Checked) -> Iterator[str]:
     """A rated payload that moves the tool by what arms do."""
     payload, (low, high) = arm.cell.arm.payload, SAGS
     if payload is not None:
@@ -207,7 +292,7 @@ def _sags(arm: ArmContext) -> Iterator[str]:
             yield f"its {payload:g} kg move the tool by {size}, expected {expected}"
 
 
-def _payloads(arm: ArmContext) -> Iterator[str]:
+def _payloads(arm: Checked) -> Iterator[str]:
     """A payload that somebody has stated."""
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
@@ -215,7 +300,7 @@ def _payloads(arm: ArmContext) -> Iterator[str]:
         yield f"its payload of {payload.value:g} kg is only estimated, {off}: enter the rated one"
 
 
-def _behind(arm: ArmContext) -> Iterator[str]:
+def _behind(arm: Checked) -> Iterator[str]:
     """Tool beyond the last link as drawn; load point and markers beyond its end, or the tool in it."""
     vjm, links = arm.vjm, arm.cell.arm.links
     if len(links) == 1:
@@ -237,7 +322,7 @@ def _behind(arm: ArmContext) -> Iterator[str]:
             yield f"{name} is {1e3 * hidden:.0f} mm behind the flange: is that where it is on the tool?"
 
 
-def _points(arm: ArmContext) -> Iterator[str]:
+def _points(arm: Checked) -> Iterator[str]:
     """Load point and markers near the tool, markers not on a line."""
     vjm, names = arm.vjm, arm.cell.arm.markers
     for name, place in zip((arm.cell.arm.load_point, *names), (vjm.load_point, *vjm.markers), strict=True):
@@ -248,7 +333,7 @@ def _points(arm: ArmContext) -> Iterator[str]:
         yield f"markers {', '.join(names)} lie on a line, so the readings do not determine a turn about it"
 
 
-def _masses(arm: ArmContext) -> Iterator[str]:
+def _masses(arm: Checked) -> Iterator[str]:
     """Links that weigh something, an arm that weighs as arms of its size do."""
     model = arm.cell.room.model
     weights = np.array([model.body(link.name).mass[0] for link in arm.cell.arm.links])
@@ -284,7 +369,7 @@ def _densities(cell: Cell, weights: Array) -> Iterator[str]:
         yield f"{inside}, expected {low:g} to {high:g}"
 
 
-def _base(arm: ArmContext) -> Iterator[str]:
+def _base(arm: Checked) -> Iterator[str]:
     """A base that stands upright: gravity acts along the world's -z."""
     turning, tilt, below = base_stance(arm.cell)
     weight = "Weight acts along the world's -z"
@@ -358,12 +443,12 @@ class Item(NamedTuple):
     words: str  #: What it is, its value, where it comes from.
 
 
-def to_confirm(arm: ArmContext) -> list[Item]:
+def to_confirm(arm: Checked) -> list[Item]:
     """List everything estimated or assumed, the largest effect on the tool's deflection first."""
     return sorted([*_numbers(arm), *_point_items(arm)], key=lambda item: -item.share)
 
 
-def _numbers(arm: ArmContext) -> Iterator[Item]:
+def _numbers(arm: Checked) -> Iterator[Item]:
     """Payload, compliances of joints, tubes of links."""
     elastic = arm.elastic
     payload = arm.elastic.payload
@@ -383,7 +468,7 @@ def _numbers(arm: ArmContext) -> Iterator[Item]:
             yield Item(share, f"{link.name}'s {words}")
 
 
-def known_share(arm: ArmContext) -> float:
+def known_share(arm: Checked) -> float:
     """Compute the share of the deflection that comes from published, measured or inferred numbers [1]."""
     joints = [joint.compliance.origin in UNSURE for joint in arm.elastic.joint]
     unsure = np.array([*(bool(_tube(link)) for link in arm.elastic.link), *joints])
@@ -408,7 +493,7 @@ def _tube(link: LinkEntry) -> str:
     return f"{', '.join(unsure)}, {' and '.join(sorted(set(unsure.values())))}"
 
 
-def _point_items(arm: ArmContext) -> Iterator[Item]:
+def _point_items(arm: Checked) -> Iterator[Item]:
     """Load point and markers: what 10 mm aside change."""
     elastic = arm.elastic
     cell = arm.cell
@@ -427,95 +512,10 @@ def _point_items(arm: ArmContext) -> Iterator[Item]:
         yield Item(0.0, f"tool {elastic.tool}, estimated: it matters for tasks, not for readings")
 
 
-@dataclass(frozen=True, eq=False)
-class Checked(ArmContext):
-    """Hold an arm and what was found of it."""
-
-    apart: float  #: Largest distance between the two readings of it [m].
-    items: list[Item]  #: To confirm, the largest effect first.
-    doubts: list[Doubt]  #: What may be wrong.
-
-    @cached_property
-    def poses(self) -> Array:
-        """Choose two poses to draw, (2, n) [rad, m]: zero, or as near as limits let, and that of median sag.
-
-        A first joint about the vertical does not change the sag: both poses have it at the same angle.
-        """
-        zero = self.cell.arm.clip_to_limits(np.zeros(self.cell.arm.n_joints))
-        middle = int(np.argsort(self.sag.size)[len(self.sag.size) // 2])
-        poses = np.array([zero, self.sag.q[middle]])
-        turning, tilt, _ = base_stance(self.cell)
-        if turning == 0 and tilt <= UPRIGHT:
-            poses[1, 0] = poses[0, 0]
-        return self.cell.arm.with_dependent_joints(poses)
-
-    @cached_property
-    def worst(self) -> int:
-        """Return the pose of the largest sag."""
-        return int(np.argmax(self.sag.size))
-
-    @property
-    def beams(self) -> Array:
-        """Compute where each link's beam begins and how it lies, in both poses, (2, n + 1, 4, 4) [m]."""
-        found = np.tile(np.eye(4), (2, len(self.cell.arm.links), 1, 1))
-        bodies = body_poses(self.vjm, self.poses)
-        for k, (link, (p, R)) in enumerate(zip(self.cell.arm.links, bodies, strict=False)):
-            found[:, k, :3, :3], found[:, k, :3, 3] = R @ link.beam_axes, p
-        return found
-
-    @property
-    def sizes(self) -> Array:
-        """Return length and outer diameter of each tube; of a link without one its way, (n + 1, 2) [m]."""
-        tubes, ways = [link.tube for link in self.elastic.link], self.vjm.body_offsets
-        return np.array(
-            [
-                (t.length.value, t.outer_diameter.value) if t else (np.linalg.norm(way), 0.0)
-                for t, way in zip(tubes, ways, strict=True)
-            ]
-        )
-
-    @property
-    def tube_lines(self) -> tuple[Array, Array]:
-        """Compute where the lines that draw the tubes begin and end, in both poses, (2, k, 3) [m]."""
-        beams, (length, diameter) = self.beams, self.sizes.T
-        start, along = beams[..., :3, 3], beams[..., :3, 0] * length[:, None]
-        rings = 0.5 * diameter[:, None, None] * UNIT_CIRCLE[:, :2]  # (tubes, p, 2)
-        near = start[:, :, None] + np.einsum("rkxy,kpy->rkpx", beams[..., :3, 1:3], rings)
-        far, step = near + along[:, :, None], len(UNIT_CIRCLE) // SPOKES
-        lines = (
-            (near, np.roll(near, -1, axis=2)),
-            (far, np.roll(far, -1, axis=2)),
-            (near[:, :, ::step], far[:, :, ::step]),
-        )
-        begin, end = (
-            np.concatenate([x.reshape(2, -1, 3) for x in ends], axis=1) for ends in zip(*lines, strict=True)
-        )
-        return begin, end
-
-    @property
-    def bending(self) -> Array:
-        """Compute virtual joints under the payload, a kilogram if it is not stated, (2, n_theta) [m, rad]."""
-        arm, q = self.cell.arm, self.poses
-        force = np.array([0, 0, -GRAVITY * (arm.payload or 1.0), 0, 0, 0])
-        load = np.tile(force, (len(q), 1)), np.tile(self.vjm.load_point, (len(q), 1))
-        return np.asarray((arm.C_theta @ generalised_load(evaluate_chain(self.vjm, q), *load)).T)
-
-    def doubted(self, name: str) -> bool:
-        """Tell whether a doubt is about a link, joint or point of that name."""
-        said = [doubt.sentence for doubt in self.doubts]
-        return any(s.startswith(f"{name} ") or name in s.partition(":")[0].split(", ") for s in said)
-
-
 def check(folder: str | Path) -> Checked:
     """Read an arm, look for what must be confirmed and what may be wrong; InputError for a wrong folder."""
     cell = build_cell(folder)
-    arm = ArmContext(cell, read_elastic(find_arm(folder) / "elastic.toml"), tool_sag(cell))
-    return Checked(
-        **vars(arm),
-        apart=check_agreement(cell.vjm, cell.plant),
-        items=to_confirm(arm),
-        doubts=arm_warnings(arm),
-    )
+    return Checked(cell, read_elastic(find_arm(folder) / "elastic.toml"), tool_sag(cell))
 
 
 def refuse_warnings(folder: str | Path, doubts: Sequence[Doubt]) -> None:

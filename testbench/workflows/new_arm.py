@@ -158,14 +158,10 @@ def outer_diameter(surface: Array, frame: Array, span: tuple[float, float]) -> f
 
 def _diameter(surface: Array, x: float) -> float | None:
     """Compute the diameter of the section at x of triangles in beam axes, (f, 3, 3)."""
-    ends = []
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        p, q = surface[:, a], surface[:, b]
-        cut = (p[:, 0] < x) != (q[:, 0] < x)
-        p, q = p[cut], q[cut]
-        share = (x - p[:, 0]) / (q[:, 0] - p[:, 0])
-        ends.append(p[:, 1:] + share[:, None] * (q[:, 1:] - p[:, 1:]))
-    points = np.concatenate(ends)
+    sides = surface[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
+    p, q = sides[(sides[:, 0, 0] < x) != (sides[:, 1, 0] < x)].swapaxes(0, 1)
+    share = (x - p[:, 0]) / (q[:, 0] - p[:, 0])
+    points = p[:, 1:] + share[:, None] * (q[:, 1:] - p[:, 1:])
     if len(points) < 3:
         return None
     try:

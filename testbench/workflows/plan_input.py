@@ -5,7 +5,7 @@ Candidate poses to measure: the arm can take them with its payload, and the trac
 The conditions are asked in a fixed order, the cheap ones first; a pose counts for the first that refuses it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -104,7 +104,7 @@ def parse_point(text: str, flag: str = "--tracker x,y,z [m]") -> Place:
     Returns:
         x, y and z.
     """
-    x, y, z = _numbers(text, 3, flag)
+    x, y, z = parse_numbers(text, (3,), flag)
     return x, y, z
 
 
@@ -118,25 +118,36 @@ def joints_of(text: str, arm: Arm) -> Array:
     Returns:
         Joints, (n,) [rad, m].
     """
-    return arm.from_display_units(np.array(_numbers(text, len(arm.file_joints), "--start [deg, mm]")))
+    return arm.from_display_units(np.array(parse_numbers(text, (len(arm.file_joints),), "--start [deg, mm]")))
 
 
 def parse_work_area(text: str) -> tuple[Place, Place]:
     """Read two corners of the work area, x0,y0,z0,x1,y1,z1 [m]; BenchError unless six finite numbers."""
-    x0, y0, z0, x1, y1, z1 = _numbers(text, 6, "--box x0,y0,z0,x1,y1,z1 [m]")
+    x0, y0, z0, x1, y1, z1 = parse_numbers(text, (6,), "--box x0,y0,z0,x1,y1,z1 [m]")
     return (x0, y0, z0), (x1, y1, z1)
 
 
-def _numbers(text: str, count: int, flag: str) -> tuple[float, ...]:
+def parse_numbers(text: str, counts: Collection[int], flag: str) -> list[float]:
+    """Parse the numbers of a flag, such as "1,2.5,-3".
+
+    Args:
+        text: The text.
+        counts: How many numbers there may be.
+        flag: The flag and its form, for the message.
+
+    Returns:
+        The numbers.
+
+    Raises:
+        BenchError: If the text is something else, or a number is too large.
+    """
     try:
-        values = tuple(read_decimals(part.strip() for part in text.split(",")))
+        values = read_decimals(part.strip() for part in text.split(","))
     except ValueError:
-        values = ()
-    if len(values) != count or not all(abs(value) <= MAX_NUMBER for value in values):
-        problem = (
-            f"expected {count} numbers with commas between them, up to {MAX_NUMBER:g}, got {text[:80]!r}"
-        )
-        raise BenchError(f"{flag}: {problem}")
+        values = []
+    if len(values) not in counts or not all(abs(value) <= MAX_NUMBER for value in values):
+        wanted = f"expected {' or '.join(map(str, counts))} numbers with commas between them"
+        raise BenchError(f"{flag}: {wanted}, up to {MAX_NUMBER:g}, got {text[:80]!r}")
     return values
 
 

@@ -16,6 +16,7 @@ from testbench.correct.predicted import (
     relative_half_widths,
     stiffness,
 )
+from testbench.data.dataset import select_evenly
 from testbench.errors import Array, Ids
 from testbench.files.program import unread_columns
 from testbench.files.table import as_cell
@@ -35,11 +36,6 @@ from testbench.workflows.rows import MM
 # --- Stiffness ellipsoids along a path: over which a force of any direction moves the loaded tool -----------
 
 COUNT = 8  #: Poses along a path that have an ellipsoid, at most.
-
-
-def some_poses(count: int) -> Ids:
-    """Pick poses evenly, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(count, COUNT)).round().astype(int))
 
 
 def ellipsoids(
@@ -148,7 +144,7 @@ def correction_numbers(corrected_program: CorrectedProgram, tolerance_mm: float 
 def _ellipsoids_of_program(corrected_program: CorrectedProgram, force: float) -> list[Row]:
     """Describe over which ellipsoid a force [N] moves the loaded tool point, along the program."""
     compensated, model = corrected_program.found, corrected_program.model
-    some = some_poses(corrected_program.program.points)
+    some = select_evenly(np.arange(corrected_program.program.points), COUNT)
     q, labels = compensated.q[some], [corrected_program.program.labels[k] for k in some]
     tool = stiffness(model, q, [load.select(some) for load in corrected_program.loads])
     lever = tool_poses(model.vjm, q)[1] @ np.array(corrected_program.aim.tool_point)
@@ -275,7 +271,7 @@ def _fitted(corrected_program: CorrectedProgram) -> Row | None:
     compensated, count = corrected_program.found, len(corrected_program.found.q)
     if count < MIN_FITTED:
         return None
-    some = np.unique(np.linspace(0, count - 1, min(MAX_FITTED, count)).round().astype(int))
+    some = select_evenly(np.arange(count), MAX_FITTED)
     stand = LoadedPoses(compensated.q, corrected_program.loads).select(some)
     half = MM * relative_half_widths(
         corrected_program.model, stand, np.array(corrected_program.aim.tool_point)
@@ -384,7 +380,7 @@ def prediction_numbers(made: Predicted) -> Row:
 
 def _ellipsoids_of_file(made: Predicted) -> list[Row]:
     """Describe over which ellipsoid the force of the map moves the loaded tool, in some poses of the file."""
-    some = some_poses(len(made.asked.q))
+    some = select_evenly(np.arange(len(made.asked.q)), COUNT)
     position, labels = made.found.position[some, 0], [made.asked.labels[k] for k in some]
     compliance = made.stiffness.compliance[some]
     return ellipsoids(compliance, 0 * position, position, labels, made.map.force)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from legible import check_legible
 
+from testbench.data.dataset import select_evenly
 from testbench.report.run_figure import SEMI_AXES, stiffness_figure
 from testbench.report.scene import ellipsoid_layer
 from testbench.report.table import plain, rows
-from testbench.workflows.program_numbers import ellipsoids, some_poses
+from testbench.workflows.program_numbers import ellipsoids
 
 FORCE, COUNT = 1500.0, 5
 
@@ -47,7 +48,7 @@ def test_forces_of_all_directions_move_a_point_of_the_tool_onto_its_ellipsoid(co
     ("count", "some"), [(3, [0, 1, 2]), (8, [*range(8)]), (15, [0, 2, 4, 6, 8, 10, 12, 14])]
 )
 def test_poses_with_an_ellipsoid_are_even_and_hold_both_ends(count, some):
-    assert some_poses(count).tolist() == some
+    assert select_evenly(np.arange(count), 8).tolist() == some
 
 
 def test_the_figure_draws_the_shadow_of_every_ellipsoid_and_its_semi_axes(found):

@@ -122,7 +122,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
             "there is no such URDF of the robot; to write a",
         ),
         (("model", "--urdf", "new.urdf", "--tip", "tool0"), "omit --out and --tip"),
-        (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link 'tool1' for the tip"),
+        (("model", "--urdf", "in/robot.urdf", "--tip", "tool1"), "no link, body or site 'tool1' for the tip"),
         (("model", "--urdf", "model/rigid.xml"), "expected URDF"),
         (("in", "--urdf", "new.urdf"), "expected the folder of a model"),
         (("model",), "expected either --urdf or --into"),
@@ -132,7 +132,7 @@ def test_offsets_in_a_controllers_file_and_what_they_cannot_hold(place):
         ),
         (("model", "--into", "in/machine.dat"), "$machine.dat with a number at $MAMES[2]"),
         (("model", "--into", "in/twice.dat"), "$MAMES[1]: is there twice"),
-        (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 numbers, or 36 row by row, got 0"),
+        (("model", "--into", "in/MOC.cfg"), "--gears: expected 6 or 36 numbers with commas between them"),
         (
             ("model", "--into", "in/MOC.cfg", "--gears", "0,1,1,1,1,1"),
             "--gears: expected turns of each motor",

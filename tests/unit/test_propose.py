@@ -163,12 +163,12 @@ def test_flags_are_taken_as_they_are_said():
     ("flags", "words"),
     [
         ((0.0, None, [], None), "--payload-kg: expected 0.001 to 10000 kg, got 0.0"),
-        ((None, "1,2", [], None), "--tool: expected 3 or 6 numbers, got 2"),
-        ((None, "1,2,x", [], None), "--tool: expected numbers with commas between, got '1,2,x'"),
+        ((None, "1,2", [], None), "--tool: expected 3 or 6 numbers with commas"),
+        ((None, "1,2,x", [], None), "--tool: expected 3 or 6 numbers with commas between them"),
         ((None, None, ["A=0,0,0", "B=1,0,0"], None), "--marker: expected three markers or more, got 2"),
         ((None, None, ["A"], None), "--marker: expected NAME=x,y,z"),
         ((None, None, [], "0,0,350"), "--load: expected metres up to 10"),
-        ((None, None, [], "0,0,nan"), "--load: expected numbers with commas between"),
+        ((None, None, [], "0,0,nan"), "--load: expected 3 numbers with commas between them"),
     ],
 )
 def test_a_wrong_flag_is_named(flags, words):

@@ -408,7 +408,7 @@ def pose_of(rotation: Array, position: Array) -> Array:
     Returns:
         Poses, (..., 4, 4).
     """
-    pose = np.zeros((*position.shape[:-1], 4, 4))
+    pose = np.zeros((*np.shape(position)[:-1], 4, 4))
     pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = rotation, position, 1
     return pose
 
