@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from testbench.data.dataset import Series, evenly_spaced, select_evenly, select_rows
-from testbench.errors import Array, BenchError, Ids
+from testbench.errors import Array, BenchError, Ids, Mask
 from testbench.identify.absolute.align import (
     EQUATION_KINDS,
     Noise,
@@ -31,7 +31,6 @@ from testbench.identify.absolute.state import MAX_ROWS_IN_MEMORY, ArmState, Unkn
 from testbench.identify.equations import series_equations
 from testbench.identify.posterior import ArmModel, Posterior
 
-CHI_SQUARED_95 = 7.8147  #: 95 % quantile of chi squared with 3 degrees of freedom [1].
 FRAME_TOLERANCE, MAX_STEPS = 1e-9, 20
 """Step below which the fit of frame and mount has converged [m, rad], and most steps."""
 
@@ -162,9 +161,7 @@ def predict_series(
     return residuals(registered_series.state, series)[:m].transpose(2, 0, 1), covariance
 
 
-def inside_ellipsoid(
-    residual: Array, covariance: Array, chi_squared_quantile: float = CHI_SQUARED_95
-) -> Array:
+def inside_ellipsoid(residual: Array, covariance: Array, chi_squared_quantile: float) -> Mask:
     """Tell which measured positions lie in their confidence ellipsoid, r^T C^-1 r <= quantile.
 
     Args:

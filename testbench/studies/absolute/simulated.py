@@ -541,7 +541,8 @@ def check(calibration: Calibration, true: Series, rng: np.random.Generator) -> t
     read = replace(true, position=read_positions(IsotropicTracker(true.sigma, None), true.position, rng))
     left, covariance = predict_series(calibration.model(), _with_frame_of(calibration, read), read)
     turn = calibration.state.frame(true).rotation
-    return left - (read.position - true.position) @ turn, np.asarray(inside_ellipsoid(left, covariance))
+    inside = inside_ellipsoid(left, covariance, read.chi_squared_95)
+    return left - (read.position - true.position) @ turn, inside
 
 
 def _known(fit: Calibration) -> Array:
