@@ -12,6 +12,7 @@ from testbench.report.report import PARTS, Report
 from testbench.report.schema import Table, TableColumn
 from testbench.report.table import Row, rows
 from testbench.runs.manifest import read_plain
+from testbench.runs.rows import nested
 
 OWN = ("scenario", "badge", "said", "tables")  #: Keys of report.json that are no numbers.
 
@@ -44,23 +45,22 @@ def _badge(found: Any) -> Badge | None:
 
 
 def _table(found: Mapping[str, Any]) -> Table:
-    """A table of its data: columns have cells by place, in their units."""
-    named = zip(found["columns"], found["keys"], strict=True)
+    """A table of its data; the paper's numbers are by place."""
+    keys = [str(key) for key in found["keys"]]
     columns = [
-        TableColumn(**own, key=f"cells.{k}", paper=f"{k}", declared=str(key))
-        for k, (own, key) in enumerate(named)
+        TableColumn(**own, key=key, paper=f"{k}")
+        for k, (key, own) in enumerate(zip(keys, found["columns"], strict=True))
     ]
     cells = [
-        Row(cells=rows(own), paper={f"{k}": number for k, number in enumerate(paper)})
+        Row(nested(dict(zip(keys, rows(own), strict=True))), paper={f"{k}": x for k, x in enumerate(paper)})
         for own, paper in zip(found["rows"], found["paper"], strict=True)
     ]
-    headline = found.get("headline", "")
     return Table(
         tuple(columns),
         cells,
         title=str(found.get("title", "")),
         bold=str(found.get("bold", "")),
-        headline=f"cells.{found['keys'].index(headline)}" if headline in found["keys"] else "",
+        headline=str(found.get("headline", "")),
         across=str(found.get("across", "")),
         looks={
             name: Look(tuple(own["colour"]), own["place"], own["prior"])

@@ -74,17 +74,17 @@ def _filled(values: Mapping[str, object]) -> str:
 
 def in_words(table: Table) -> Table:
     """Keep the statements without a number of the paper; another table has its numbers beside ours."""
-    [published] = [column for column in table.columns if column.name == "published"]
+    [published] = [column for column in table.columns if column.key == "published"]
     return replace(
         table,
-        columns=tuple(column for column in table.columns if column.name not in ("published", "found")),
+        columns=tuple(column for column in table.columns if column.key not in ("published", "found")),
         rows=[row for row in table.rows if published.value(row) is None],
     )
 
 
 def only(table: Table, keys: str) -> Table:
     """Keep the columns with these keys, which blanks separate."""
-    return replace(table, columns=tuple(column for column in table.columns if column.name in keys.split()))
+    return replace(table, columns=tuple(column for column in table.columns if column.key in keys.split()))
 
 
 def _kept(value: object) -> str:

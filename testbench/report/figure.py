@@ -443,7 +443,7 @@ def forest(
         reading: The same.
         mark: Name of the row to beat, or a number to beat: a dotted line.
     """
-    columns = {column.name: column for column in table.columns}
+    columns = {column.key: column for column in table.columns}
     figure = page(1.3 + forest_height(table))
     name, known = table.columns[0], table.looks or looks(table.rows, table.columns[0])
     sides = figure.subplots(1, len(panes), squeeze=False)[0]

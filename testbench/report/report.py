@@ -167,7 +167,7 @@ class Report:
 
 
 DEFAULTS = {f.name: f.default for f in fields(TableColumn) if f.name != "called"}
-LEFT = ("key", "paper", "scale", "declared")
+LEFT = ("key", "paper", "scale")
 """Of a column whose cells are data by place and in its unit."""
 
 
@@ -182,11 +182,11 @@ def _packed(table: Table) -> dict[str, Any]:
         for column in table.columns
     ]
     shown = table.looks or looks(table.rows, table.columns[0])
-    headline = [column.name for column in table.columns if column.key == table.headline]
+    keys = [column.key for column in table.columns]
     return {
         **{name: own for name in ("title", "bold", "across") if (own := getattr(table, name))},
-        **({"headline": headline[0]} if headline else {}),
-        "keys": [column.name for column in table.columns],
+        **({"headline": table.headline} if table.headline in keys else {}),
+        "keys": keys,
         "columns": columns,
         "rows": [[_cell(column.value(row)) for column in table.columns] for row in table.rows],
         "paper": [[column.known_value(row) for column in table.columns] for row in table.rows],

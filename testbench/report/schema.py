@@ -34,12 +34,6 @@ class TableColumn:
     rounding: float = 0.0  #: Numbers below, in the shown unit, are rounding and shown as "exact".
     called: Mapping[str, str] = field(default_factory=dict)  #: Keys of a report by what readers call them.
     none: str = "not fitted"  #: What a cell without a number says: why it has none.
-    declared: str = ""  #: The key that it was declared with, if it was read back with another.
-
-    @property
-    def name(self) -> str:
-        """Return the key that it was declared with."""
-        return self.declared or self.key
 
     @property
     def title(self) -> str:

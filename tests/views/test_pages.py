@@ -143,8 +143,8 @@ def test_statements_in_words_are_those_without_a_number_of_the_paper():
     rows = [number("RMS, mm", Spread(0.2, 0.1, 0.3), 0.15), statement_row("GCO is conservative", True, 1.0)]
     found = write_paper.in_words(verdict_table(rows))
     assert [row.claim for row in found.rows] == ["GCO is conservative"]
-    assert [column.name for column in found.columns] == ["claim", "holds", "verdict"]
-    assert [column.name for column in write_paper.only(found, "claim verdict").columns] == [
+    assert [column.key for column in found.columns] == ["claim", "holds", "verdict"]
+    assert [column.key for column in write_paper.only(found, "claim verdict").columns] == [
         "claim",
         "verdict",
     ]

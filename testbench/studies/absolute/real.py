@@ -569,7 +569,7 @@ def _figures(found: Report) -> dict[str, Figure]:
     reading = "Mean error of public readings, series A and C of 2020. Dotted line: joint springs alone."
     title = "Positions of a real UR10 that were never fitted"
     table = found.tables["models"]
-    drawn = tuple(replace(c, heading="mean error") if c.name in PANES else c for c in table.columns)
+    drawn = tuple(replace(c, heading="mean error") if c.key in PANES else c for c in table.columns)
     return {"real_ur10.png": forest(replace(table, columns=drawn), PANES, title, reading, JOINTS)}
 
 

@@ -665,7 +665,7 @@ def _figures(found: Report) -> dict[str, Figure]:
         name, *arms = short.columns
         error = [replace(column, heading="RMS error", unit="mm") for column in arms]
         titles, short = (
-            {column.name: column.heading for column in arms},
+            {column.key: column.heading for column in arms},
             replace(short, columns=(name, *error)),
         )
         return {f"{NAME}.png": forest(short, titles, title, f"{reading}.")}

@@ -190,12 +190,9 @@ def _figures(found: Report) -> Mapping[str, Figure]:
     f, whole = Row(found.numbers), found.tables["models"]
     there = {m.name for m in distinct(f.models)}
     table = replace(whole, rows=[row for row in whole.rows if whole.columns[0].cell(row) in there])
-    keys = {column.name: column.key for column in table.columns}
     reading = "RMS errors. Filled: prior; dotted: Joints-only; grey diamonds: the paper. "
     reading += "Ratios: 95 % intervals."
-    drawn = {
-        "models.png": forest(ranked(table, keys[TRUE], f.over), PANES, found.question, reading, JOINTS_ONLY)
-    }
+    drawn = {"models.png": forest(ranked(table, TRUE, f.over), PANES, found.question, reading, JOINTS_ONLY)}
     if f.details:
         known = {m.name: look_of(m) for m in f.models}
         drawn["eigenvalues.png"] = eigenvalue_figure(f.details, known, METHODS_BESIDE)
