@@ -93,6 +93,15 @@ def test_a_workshops_table_of_gauges_needs_no_position(kr500, tmp_path):
     np.testing.assert_allclose(read_csv(file, kr500.arm).deflection[0, 0, 0], 9.012e-3)
 
 
+def test_a_minus_in_a_map_turns_the_direction_of_a_gauge(kr500, tmp_path):
+    """A direction has no unit; its sign is of the map as that of any other number."""
+    (file := tmp_path / "gauges.csv").write_text(GAUGES)
+    (map_ := tmp_path / "map.toml").write_text('columns.direction_x = "-direction_x"\n')
+    data = read_export(file, kr500.arm, map_).data
+    np.testing.assert_array_equal(data.line_direction[0, :2], [[-1, 0, 0], [0, 1, 0]])
+    np.testing.assert_allclose(data.deflection[0, 0], [0.988e-3, 0, 0], atol=1e-12)
+
+
 def test_what_a_file_does_not_say_is_assumed_and_said(kr500, tmp_path):
     file = tmp_path / "gauges.csv"
     file.write_text("\n".join(",".join(line.split(",")[:-2]) for line in GAUGES.splitlines()) + "\n")
