@@ -246,11 +246,5 @@ def _show_columns(console: Console, columns: Columns, notes: Sequence[str], coun
     """Show what the columns of a file are, which are not read, and how much it holds."""
     rows = [Row(row, values=written(row)) for row in column_rows(columns)]
     unread = f"columns not read: {', '.join(columns.ignored) or 'none'}"
-    lines = [
-        *column_lines(rows),
-        "",
-        unread,
-        *(f"- {note}" for note in (*columns.table.notes, *notes)),
-        count,
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+    remarks = [f"- {note}" for note in (*columns.table.notes, *notes)]
+    console.print("\n".join([*column_lines(rows), "", unread, *remarks, count]), soft_wrap=True)
