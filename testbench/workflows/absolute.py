@@ -434,7 +434,8 @@ FREE_DEVIATION = 0.01
 and not so much that rounding would hide the rest."""
 SINGLE = {kind: name for name, kind in SINGLE_COEFFICIENT_ERRORS.items()}
 STRETCH, TWIST, BENDING, COUPLING = "stretch", "torsion", "bending", "coupling that beams lack"
-ERROR = "'s error of order "  #: Between a joint and the orders of its periodic errors.
+OWNER = "'s "  #: Between a joint or link and what it has.
+ERROR = f"{OWNER}error of order "  #: Between a joint and the orders of its periodic errors.
 
 
 def unobservable(
@@ -528,16 +529,22 @@ def _sentence(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str
 
 
 def _listed(names: Iterable[str]) -> str:
-    """List quantities, the periodic errors of a joint as one."""
+    """List quantities: periodic errors of a joint as one, and what several parts have once, with these."""
     orders: dict[str, list[str]] = {}
     for name in dict.fromkeys(names):
-        subject, _, order = name.partition(ERROR)
-        orders.setdefault(subject, []).extend([order] if order else [])
-    listed = {
-        subject: ", ".join(sorted(own, key=lambda order: int(order.split()[0])))
-        for subject, own in orders.items()
-    }
-    return ", ".join(f"{subject}{ERROR}{own}" if own else subject for subject, own in listed.items())
+        owner, _, order = name.partition(ERROR)
+        orders.setdefault(owner, []).extend([order] if order else [])
+    owners: dict[str, list[str]] = {}
+    for name, own in orders.items():
+        owner, _, what = name.partition(OWNER)
+        if own:
+            told = ", ".join(sorted(own, key=lambda order: int(order.split()[0])))
+            what = f"errors of orders {told}" if len(own) > 1 else f"error of order {told}"
+        owners.setdefault(what, []).append(owner)
+    listed = owners.pop("", [])
+    for what, parts in owners.items():
+        listed.append(f"{what} ({', '.join(parts)})" if len(parts) > 1 else f"{parts[0]}{OWNER}{what}")
+    return ", ".join(listed)
 
 
 def _range_text(numbers: Sequence[float], digits: int) -> str:

@@ -21,13 +21,14 @@ from testbench.identify.absolute.evidence import (
 )
 from testbench.identify.absolute.fit import CalibrationOptions, linearise_readings
 from testbench.identify.absolute.state import Mount, nominal_state
+from testbench.identify.observability import UndeterminedQuantity
 from testbench.identify.prior import cad_prior, scale_by_prior
 from testbench.identify.registration import Frame
 from testbench.model.load import read_body_masses
 from testbench.model.structure import all153
 from testbench.report.table import Row
 from testbench.workflows import calibration_numbers
-from testbench.workflows.absolute import calibrate_with_masses
+from testbench.workflows.absolute import calibrate_with_masses, sentences
 from testbench.workflows.absolute_campaign import AbsoluteCampaign, simulate_series
 from testbench.workflows.calibration_numbers import remaining_errors
 
@@ -156,3 +157,24 @@ def test_a_rejected_arm_is_one_reason_and_leaves_the_folder_as_it_was(tmp_path, 
     assert "Holds" not in words
     assert "nothing was written" in words
     assert {path.name: path.read_text() for path in (tmp_path / "out").iterdir()} == earlier
+
+
+def test_what_readings_leave_open_is_one_sentence_for_each_advice_and_names_each_kind_once():
+    left = {"remaining_variance_share": 0.9, "joint_to_turn": 2}
+    lost = [
+        UndeterminedQuantity("a1's error of order 3", **left),
+        UndeterminedQuantity("a2's error of order 3", **left | {"remaining_variance_share": 0.97}),
+        UndeterminedQuantity("a1's error of order 1", **left),
+        UndeterminedQuantity("a2's error of order 1", **left),
+        UndeterminedQuantity("link_1's torsion", **left),
+    ]
+    more = UndeterminedQuantity("the frame of A", ("a1's offset",), 0.4, 0.991, joint_to_turn=0)
+    useless = UndeterminedQuantity("a2's compliance", joint_to_turn=-1)
+    assert sentences([*lost, more, useless], ["a1", "a2"]) == (
+        "errors of orders 1, 3 (a1, a2), link_1's torsion are not determined (90 to 97 % of the prior variance "
+        "remains): turn several joints together",
+        "the frame of A cannot be separated from a1's offset (correlation 0.99, 40 % of the prior variance "
+        "remains): turn a1 more",
+        "a2's compliance is not determined (100 % of the prior variance remains): 40 more poses hardly help; "
+        "another load may help",
+    )
