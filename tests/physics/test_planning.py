@@ -1,5 +1,6 @@
 """Plans: what their rows tell against the library, what stays hidden, feasible, certified, kept promises."""
 
+import re
 from dataclasses import replace
 from functools import partial
 from itertools import combinations_with_replacement
@@ -498,7 +499,8 @@ def test_two_quantities_of_which_only_the_sum_is_read_hide_behind_each_other_no_
     said = " ".join(unobservable(unknowns, tells, prior, pull))
     assert "12 directions" in said
     assert "error" not in said
-    assert "joint_6's compliance" in " ".join(unobservable(unknowns, 0 * tells, prior, pull))
+    said = " ".join(unobservable(unknowns, 0 * tells, prior, pull))
+    assert re.search(r"joint_6's compliance|compliance \([^)]*joint_6", said)
 
 
 @pytest.fixture(scope="module")

@@ -171,8 +171,8 @@ def test_what_readings_leave_open_is_one_sentence_for_each_advice_and_names_each
     more = UndeterminedQuantity("the frame of A", ("a1's offset",), 0.4, 0.991, joint_to_turn=0)
     useless = UndeterminedQuantity("a2's compliance", joint_to_turn=-1)
     assert sentences([*lost, more, useless], ["a1", "a2"]) == (
-        "errors of orders 1, 3 (a1, a2), link_1's torsion are not determined (90 to 97 % of the prior variance "
-        "remains): turn several joints together",
+        "errors of orders 1, 3 (a1, a2), link_1's torsion are not determined "
+        "(90 to 97 % of the prior variance remains): turn several joints together",
         "the frame of A cannot be separated from a1's offset (correlation 0.99, 40 % of the prior variance "
         "remains): turn a1 more",
         "a2's compliance is not determined (100 % of the prior variance remains): 40 more poses hardly help; "
