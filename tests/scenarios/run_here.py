@@ -98,7 +98,7 @@ def numbers_alone():
     These take longer than most trials and fits: whole runs of studies and tests of each command have them.
     """
 
-    def write(_, found):
+    def write(_study, found, _header):
         files.write_json(found.report.json(), found.folder / "report.json")
         return []
 
