@@ -158,12 +158,10 @@ def test_a_fault_of_ours_in_a_worker_is_told_with_its_place(tmp_path):
     assert "in faulty_trials" in str(caught.value.__cause__)
 
 
-@pytest.mark.parametrize(
-    ("backend", "size"), [(partial(on_cores, workers=0), 1), (partial(on_cores, workers=10_000), 1), (ONE, 0)]
-)
-def test_there_is_at_least_one_worker_and_one_seed_and_workers_have_an_end(tmp_path, backend, size):
+@pytest.mark.parametrize("workers", [0, 10_000])
+def test_there_is_at_least_one_worker_and_workers_have_an_end(tmp_path, workers):
     with pytest.raises(BenchError, match="expected"):
-        study(tmp_path, backend, size=size)
+        study(tmp_path, partial(on_cores, workers=workers))
 
 
 CLUSTER = HERE.parents[1] / "docs" / "cluster.md"  #: How a cluster is started.
