@@ -40,7 +40,7 @@ from testbench.plant.disturbance import (
 )
 from testbench.progress import stepwise
 
-# --- Poses evaluated by MuJoCo, and generalised forces of loads on bodies ---------------------
+# --- Poses evaluated by MuJoCo, many at once, and generalised forces of loads on bodies ---------------------
 
 
 @dataclass(frozen=True)
@@ -57,43 +57,83 @@ class BodyState:
     body_rotations: dict[int, Array]  #: World from body, by body id, (poses, 3, 3) each [1].
 
 
-def evaluate_bodies(
-    plant: Plant, data: mujoco.MjData, qpos: Array, bodies: Collection[int] = ()
-) -> BodyState:
-    """Compute own weight, Jacobian and poses of bodies by MuJoCo, pose by pose.
+@dataclass(frozen=True)
+class ArmCopies:
+    """Hold a MuJoCo state of several copies of the arm, with views of it per copy.
+
+    Every call of `solve_equilibrium` creates one: MuJoCo overwrites the views.
+    """
+
+    model: mujoco.MjModel  #: MuJoCo model of all copies.
+    data: mujoco.MjData  #: MuJoCo state of all copies.
+    qpos: Array  #: Configuration of every copy, (copies, nv) [m, rad].
+    #: Rotation, then translation at `reference_point`, per unit of every coordinate, (copies, nv, 6) [1, m].
+    spatial_jacobian: Array
+    #: Point of the world for which `spatial_jacobian` has the translation, (copies, 3) [m].
+    reference_point: Array
+    body_positions: Array  #: Position of the body with id b at index b - 1, (copies, bodies, 3) [m].
+    body_rotations: Array  #: World from body, indexed in the same way, (copies, bodies, 3, 3) [1].
+
+
+def create_arm_copies(plant: Plant) -> ArmCopies:
+    """Create a MuJoCo state of several copies of the arm, and views of it per copy."""
+    model = plant.model_with_copies
+    data = mujoco.MjData(model)
+    nv = plant.model.nv
+    bodies = plant.model.nbody - 1
+    root = plant.model.body_rootid[plant.tool_body]
+    return ArmCopies(
+        model=model,
+        data=data,
+        qpos=data.qpos.reshape(-1, nv),
+        spatial_jacobian=data.cdof.reshape(-1, nv, 6),
+        reference_point=data.subtree_com[1:].reshape(-1, bodies, 3)[:, root - 1],
+        body_positions=data.xpos[1:].reshape(-1, bodies, 3),
+        body_rotations=data.xmat[1:].reshape(-1, bodies, 3, 3),
+    )
+
+
+def evaluate_bodies(copies: ArmCopies, qpos: Array, bodies: Collection[int] = ()) -> BodyState:
+    """Compute own weight, Jacobian and poses of bodies by MuJoCo, for several configurations per call.
 
     Velocities are zero, so of MuJoCo's forward pass only kinematics and the bias force are needed.
 
     Args:
-        plant: The true arm.
-        data: State of its MuJoCo model, which is overwritten.
+        copies: Copies of the arm in one MuJoCo model.
         qpos: Configurations, (poses, nv) [m, rad].
         bodies: Ids of the bodies whose poses are requested; without any, the Jacobian is left out too.
 
     Returns:
         Generalised force of the arm's own weight, the Jacobian, and poses of the requested bodies.
     """
-    model, root = plant.model, plant.model.body_rootid[plant.tool_body]
-    bias = np.empty(qpos.shape)
-    placed, wanted = len(qpos) if bodies else 0, list(bodies)
-    motion, centre = np.empty((placed, model.nv, 6)), np.empty((placed, 3))
-    position, rotation = np.empty((placed, len(wanted), 3)), np.empty((placed, len(wanted), 9))
-    for k, pose in enumerate(qpos):
-        data.qpos[:] = pose
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_rne(model, data, 0, bias[k])
+    model = copies.model
+    data = copies.data
+    arms, nv = copies.qpos.shape
+    poses, room = len(qpos), -(-len(qpos) // arms) * arms
+    bias = np.empty((room, nv))
+    placed = room if bodies else 0
+    motion, centre = np.empty((placed, nv, 6)), np.empty((placed, 3))
+    position = {body: np.empty((room, 3)) for body in bodies}
+    rotation = {body: np.empty((room, 3, 3)) for body in bodies}
+    # One call of MuJoCo for each row of arms; the last row is filled up.
+    for start in range(0, room, arms):
+        part = slice(start, start + arms)
+        copies.qpos[: poses - start] = qpos[part]
+        mujoco.mj_fwdKinematics(model, data)
+        mujoco.mj_rne(model, data, 0, bias[part].reshape(-1))
         if bodies:
-            motion[k] = data.cdof
-            centre[k] = data.subtree_com[root]
-            position[k] = data.xpos[wanted]
-            rotation[k] = data.xmat[wanted]
+            motion[part], centre[part] = copies.spatial_jacobian, copies.reference_point
+        for body in bodies:
+            position[body][part], rotation[body][part] = (
+                copies.body_positions[:, body - 1],
+                copies.body_rotations[:, body - 1],
+            )
     return BodyState(
-        own_weight_force=-bias,
-        spatial_jacobian=motion,
-        reference_point=centre,
-        body_positions={body: position[:, k] for k, body in enumerate(wanted)},
-        body_rotations={body: rotation[:, k].reshape(-1, 3, 3) for k, body in enumerate(wanted)},
+        own_weight_force=-bias[:poses],
+        spatial_jacobian=motion[:poses],
+        reference_point=centre[:poses],
+        body_positions={body: p[:poses] for body, p in position.items()},
+        body_rotations={body: R[:poses] for body, R in rotation.items()},
     )
 
 
@@ -362,12 +402,12 @@ def solve_equilibrium(
     law = _law(plant, runs, equilibrium_before)
     true_q = q + plant.joint_offset + (0.0 if plant.gear_errors is None else gear_error(plant.gear_errors, q))
 
-    def solve_runs(runs_of_batch: slice, data: mujoco.MjData) -> ArmEquilibrium:
+    def solve_runs(runs_of_batch: slice, copies: ArmCopies) -> ArmEquilibrium:
         """Solve the equilibria of the runs in one batch.
 
         Args:
             runs_of_batch: Runs of the batch.
-            data: State of the arm's MuJoCo model, which is overwritten.
+            copies: Copies of the arm in one MuJoCo model.
 
         Returns:
             Equilibria of these runs.
@@ -377,9 +417,9 @@ def solve_equilibrium(
             plant, held, wrench[runs_of_batch], point[runs_of_batch], C, law and law.select(runs_of_batch)
         )
         if changes.compensator is not None:
-            state = evaluate_bodies(plant, data, poses.undeflected_qpos, compensator_bodies(plant))
+            state = evaluate_bodies(copies, poses.undeflected_qpos, compensator_bodies(plant))
             poses = replace(poses, compensator=compensator_state(changes.compensator, plant, state))
-        return _solve_batch(poses, data)
+        return _solve_batch(poses, copies)
 
     return _solve_in_batches(plant, runs, solve_runs)
 
@@ -422,21 +462,21 @@ def solve_unloaded_and_loaded(
 
 
 def _solve_in_batches(
-    plant: Plant, runs: int, solve_batch: Callable[[slice, mujoco.MjData], ArmEquilibrium]
+    plant: Plant, runs: int, solve_batch: Callable[[slice, ArmCopies], ArmEquilibrium]
 ) -> ArmEquilibrium:
     """Solve the equilibria of all runs in batches of `POSES_PER_BATCH`, which limits the memory.
 
     Args:
         plant: The true arm.
         runs: Number of runs.
-        solve_batch: Function that solves the equilibria of a slice of the runs.
+        solve_batch: Function that solves the equilibria of a slice of the runs with some copies of the arm.
 
     Returns:
         Equilibria of all runs, in their order.
     """
-    data = mujoco.MjData(plant.model)
+    row = create_arm_copies(plant)
     starts = stepwise(range(0, max(runs, 1), POSES_PER_BATCH), "settling the arm")
-    equilibria = [solve_batch(slice(start, start + POSES_PER_BATCH), data) for start in starts]
+    equilibria = [solve_batch(slice(start, start + POSES_PER_BATCH), row) for start in starts]
     return ArmEquilibrium(
         *(np.concatenate([getattr(e, f.name) for e in equilibria]) for f in fields(ArmEquilibrium))
     )
@@ -457,11 +497,11 @@ def undeflected_configurations(plant: Plant, q: Array) -> Array:
     return held
 
 
-def _solve_batch(poses: PoseBatch, data: mujoco.MjData) -> ArmEquilibrium:
+def _solve_batch(poses: PoseBatch, row: ArmCopies) -> ArmEquilibrium:
     """Solve for the equilibrium of one batch of poses."""
     plant, markers = poses.plant, poses.plant.marker_bodies.tolist()
-    qpos = _newton(poses, data)
-    state = evaluate_bodies(plant, data, qpos, {plant.tool_body, *markers})
+    qpos = _newton(poses, row)
+    state = evaluate_bodies(row, qpos, {plant.tool_body, *markers})
     return ArmEquilibrium(
         theta=qpos[:, plant.theta_indices],
         marker_positions=np.stack([state.body_positions[body] for body in markers], axis=1),
@@ -496,7 +536,7 @@ def _torques(poses: PoseBatch, law: NonlinearJoints, torque: Array) -> Array:
     return np.asarray(torque + np.matvec(effects.joint_coupling, torque) / law.compliance)
 
 
-def _newton(poses: PoseBatch, data: mujoco.MjData) -> Array:
+def _newton(poses: PoseBatch, row: ArmCopies) -> Array:
     """Iterate from theta = 0 to equilibrium; return the configurations, (poses, nv) [m, rad].
 
     A pose that has reached its equilibrium, or that has none, takes no further steps.
@@ -512,7 +552,7 @@ def _newton(poses: PoseBatch, data: mujoco.MjData) -> Array:
     for k in range(1, MAX_ITERATIONS + 1):
         at, last = qpos[active], size[active]
         # Step of all active poses: theta <- C_theta Q(theta), or by a pose's own tangent.
-        Q = _force(poses, evaluate_bodies(poses.plant, data, at, poses.loaded_bodies), active)
+        Q = _force(poses, evaluate_bodies(row, at, poses.loaded_bodies), active)
         step = _newton_steps(poses, inverses, held[active] + _deflect(poses, Q, active) - at, active)
         now = np.sqrt(np.vecdot(step, step))
         qpos[active], size[active] = at + step, now
@@ -522,10 +562,10 @@ def _newton(poses: PoseBatch, data: mujoco.MjData) -> Array:
             lost[i] = _no_equilibrium_text(k, size[i])
         # A slow pose gets its own tangent.
         for i in active[going & (now > last / 4)].tolist():
-            inverses[i] = np.asarray(np.linalg.inv(newton_matrix(poses, data, qpos[i], i)), dtype=float)
+            inverses[i] = np.asarray(np.linalg.inv(newton_matrix(poses, row, qpos[i], i)), dtype=float)
         # An equilibrium that needed its tangent may be unstable.
         for i in inverses.keys() & set(active[done].tolist()):
-            if _unstable(newton_matrix(poses, data, qpos[i], i)):
+            if _unstable(newton_matrix(poses, row, qpos[i], i)):
                 lost[i] = f"the arm buckles: the equilibrium after {k} Newton steps is unstable"
         active = active[going]
         if not active.size:
@@ -552,14 +592,14 @@ def _newton_steps(poses: PoseBatch, inverses: dict[int, Array], step: Array, pla
     return corrected
 
 
-def newton_matrix(batch: PoseBatch, data: mujoco.MjData, qpos: Array, pose_index: int) -> Array:
+def newton_matrix(batch: PoseBatch, copies: ArmCopies, qpos: Array, pose_index: int) -> Array:
     """Compute Newton's matrix I - C dQ/dqpos = C (K_theta - K_w) of Eq. (7) in one pose.
 
     The derivatives are central differences; joints with nonlinear springs have their tangent compliance in C.
 
     Args:
         batch: Batch of poses that contains the pose.
-        data: State of the arm's MuJoCo model, which is overwritten.
+        copies: Copies of the arm in one MuJoCo model.
         qpos: Configuration of the pose, (nv,) [m, rad].
         pose_index: Index of the pose in the batch.
 
@@ -571,11 +611,7 @@ def newton_matrix(batch: PoseBatch, data: mujoco.MjData, qpos: Array, pose_index
     hinges = batch.plant.joint_spring_indices
     # Central differences of Q over every coordinate.
     around = np.concatenate([qpos[None], qpos + h * unit, qpos - h * unit])
-    Q = _force(
-        batch,
-        evaluate_bodies(batch.plant, data, around, batch.loaded_bodies),
-        np.full(len(around), pose_index),
-    )
+    Q = _force(batch, evaluate_bodies(copies, around, batch.loaded_bodies), np.full(len(around), pose_index))
     ahead, behind = Q[1 : len(unit) + 1], Q[len(unit) + 1 :]
     C = batch.compliance_of_poses(np.array([pose_index])).reshape(unit.shape).copy()
     if batch.joints:
@@ -622,17 +658,17 @@ def solve_linear_equilibrium(plant: Plant, q: Array, wrench: Array, point: Array
 
     tool, markers = plant.tool_body, plant.marker_bodies.tolist()
 
-    def solve_runs(runs: slice, data: mujoco.MjData) -> ArmEquilibrium:
+    def solve_runs(runs: slice, copies: ArmCopies) -> ArmEquilibrium:
         """Compute the first-order equilibria of some runs: one step from the undeflected arm.
 
         Args:
             runs: Slice of the runs.
-            data: State of the arm's MuJoCo model, which is overwritten.
+            copies: Copies of the arm in one MuJoCo model.
 
         Returns:
             Equilibria of these runs.
         """
-        state = evaluate_bodies(plant, data, undeflected_configurations(plant, q[runs]), {tool, *markers})
+        state = evaluate_bodies(copies, undeflected_configurations(plant, q[runs]), {tool, *markers})
         at = point_position(state, tool, point[runs])
         Q = generalised_force(plant, state, tool, wrench[runs], at)
         theta = np.matvec(plant.compliance(q[runs]), Q)

@@ -186,18 +186,16 @@ def test_an_interval_is_as_wide_as_noise_by_the_normal_and_the_prior_by_students
 @pytest.mark.study
 def test_intervals_have_names_and_the_units_of_people(arms):
     *_, own = arms[0]
-    by_name = {(one.part, one.name): one for one in calibration_numbers.intervals(own)}
-    shift = by_name["geometry", "link_2 shift y"]
+    active = own.active_unknowns
+    rows = calibration_numbers.interval_rows(own, calibration_numbers.geometry_errors(active))
+    by_name = {row.name: row for row in rows}
+    shift = by_name["link_2 shift y"]
     assert (shift.unit, shift.value) == ("mm", pytest.approx(1e3 * own.state.theta_0[13]))
-    at = own.active_unknowns.columns.tolist().index(
-        own.active_unknowns.unknowns.first_columns["geometry"] + 13 - 6
-    )
-    assert shift.half == pytest.approx(
-        1e3 * Z * np.linalg.norm(posterior_of_calibration(own).covariance_root[:, at])
-    )
-    turned = by_name["joint errors", "joint_3 cos 2"]
-    assert (turned.unit, turned.value) == ("urad", pytest.approx(1e6 * own.state.error_coefficients[2, 5]))
-    assert all(one.half > 0 for one in by_name.values())
+    at = active.columns.tolist().index(active.unknowns.first_columns["geometry"] + 13 - 6)
+    root = posterior_of_calibration(own).covariance_root[:, at]
+    assert shift.half_95 == pytest.approx(1e3 * Z * np.linalg.norm(root))
+    assert by_name["link_2 turn z"].unit == "mrad"
+    assert all(row.half_95 > 0 for row in rows)
 
 
 @pytest.fixture(scope="module")

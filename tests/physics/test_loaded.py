@@ -23,7 +23,7 @@ from testbench.model.load import own_weight_load, read_body_masses
 from testbench.model.structure import template56
 from testbench.model.vjm import evaluate_chain, observation_matrix
 from testbench.plant.build import weightless
-from testbench.plant.equilibrium import PoseBatch, solve_equilibrium
+from testbench.plant.equilibrium import PoseBatch, create_arm_copies, solve_equilibrium
 from testbench.plant.equilibrium import newton_matrix as plant_tangent
 from testbench.workflows.absolute import of_masses
 
@@ -41,13 +41,13 @@ def test_the_plants_tangent_by_differences_is_that_of_k_w(cell, rng):
     plant, q = weightless(cell.plant), random_q(cell, rng, 3)
     most = HEAVIEST[cell.arm.name.removesuffix("_l480")]
     wrench, point = random_wrench(rng, 3, most / 10, most / 10)  # of a force alone it would be symmetric
-    theta, data = solve_equilibrium(plant, q, wrench, point).theta, mujoco.MjData(plant.model)
+    theta, row = solve_equilibrium(plant, q, wrench, point).theta, create_arm_copies(plant)
     K_w = loaded.geometric_stiffness(evaluate_chain(cell.vjm, q, theta), wrench, point)
     qpos = np.zeros((3, plant.model.nv))
     qpos[:, plant.joint_indices], qpos[:, plant.theta_indices] = q, theta
     for i in range(3):
         poses = PoseBatch(plant, qpos[i, None], wrench[i, None], point[i, None], plant.compliance(q[i, None]))
-        found = plant_tangent(poses, data, qpos[i], 0)[np.ix_(plant.theta_indices, plant.theta_indices)]
+        found = plant_tangent(poses, row, qpos[i], 0)[np.ix_(plant.theta_indices, plant.theta_indices)]
         expected = cell.arm.C_theta @ K_w[i]
         size = np.abs(expected).max()  # 1e-9 of the springs' tangent, of which the load's is 1 %
         np.testing.assert_allclose(np.eye(len(found)) - found, expected, rtol=0, atol=1e-7 * size)

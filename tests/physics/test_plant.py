@@ -13,7 +13,7 @@ from loads import hung, random_q
 from testbench.arm.folder import Compensator, load_arm
 from testbench.errors import BenchError, InputError, NoEquilibrium
 from testbench.files.robot.write import write_elastic
-from testbench.plant.build import build_plant
+from testbench.plant.build import build_plant, plant_from_model
 from testbench.plant.disturbance import (
     FOUNDATION_COMPLIANCE,
     KR500_COMPENSATOR,
@@ -32,6 +32,7 @@ from testbench.plant.equilibrium import (
     compensator_force,
     compensator_state,
     correct_steps_for_compensator,
+    create_arm_copies,
     evaluate_bodies,
     solve_equilibrium,
     solve_linear_equilibrium,
@@ -116,6 +117,8 @@ def test_poses_settle_alike_in_any_order_and_in_any_company(kr500, rng, monkeypa
     assert_close(shuffled, replace(expected, **{k: v[order] for k, v in vars(expected).items()}))
     monkeypatch.setattr("testbench.plant.equilibrium.POSES_PER_BATCH", 7)
     assert_close(settled(kr500.plant, *runs), expected)
+    monkeypatch.setattr("testbench.plant.build.ARMS_PER_MODEL", 1)
+    assert_close(settled(plant_from_model(kr500.arm, kr500.plant.model), *runs), expected)
 
 
 def test_threads_of_a_caller_find_the_same(kr500, rng):
@@ -192,19 +195,20 @@ def strut_length(plant, spring, qpos):
 @pytest.mark.parametrize("stiffness", [None, KR500_COMPENSATOR.stiffness])
 def test_the_compensator_pulls_along_its_length_and_stiffens_the_arm_it_holds(kr500, rng, stiffness):
     """On all 54 coordinates in a bent pose, by its stretch beyond the held one; there its stiffness."""
-    spring, plant = replace(KR500_COMPENSATOR, stiffness=stiffness), kr500.plant
-    data = mujoco.MjData(plant.model)
+    spring, plant, row = (
+        replace(KR500_COMPENSATOR, stiffness=stiffness),
+        kr500.plant,
+        create_arm_copies(kr500.plant),
+    )
     k = spring.rate if stiffness is None else stiffness
     qpos = undeflected_configurations(plant, np.deg2rad([[10.0, -40, 60, 20, 30, 0]]))
-    compensator = compensator_state(
-        spring, plant, evaluate_bodies(plant, data, qpos, compensator_bodies(plant))
-    )
+    compensator = compensator_state(spring, plant, evaluate_bodies(row, qpos, compensator_bodies(plant)))
     (held, g), step = strut_length(plant, spring, qpos), rng.standard_normal(qpos.shape)
     (eased,) = correct_steps_for_compensator(compensator, step, np.arange(1))
     np.testing.assert_allclose(eased + k * (plant.C_qpos @ g) * (g @ eased), step[0], rtol=0, atol=1e-6)
     qpos[:, plant.theta_indices] = 1e-4 * rng.standard_normal(len(plant.theta_indices))
     (Q,) = compensator_force(
-        compensator, plant, evaluate_bodies(plant, data, qpos, compensator_bodies(plant)), np.arange(1)
+        compensator, plant, evaluate_bodies(row, qpos, compensator_bodies(plant)), np.arange(1)
     )
     length, g = strut_length(plant, spring, qpos)
     pull = spring.rate * (held - spring.rest_length) + k * (length - held)
