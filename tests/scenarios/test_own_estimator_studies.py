@@ -53,9 +53,9 @@ ONE = {"regimes": ("--truth", "tubes")}
 """Flags of less to do."""
 
 
-def first_poses(cell, job):
+def first_poses(asked, k):
     """A plan that is ready at once: planning is tested elsewhere."""
-    there, fit, criterion, poses = job
+    there, fit, criterion, poses = planning._jobs(asked)[k]
     q = tuple(np.ravel(there.scene.candidates[:poses]).tolist())
     own = {"ground": there.scope.ground.name, "fit": fit, "criterion": criterion, "poses": poses}
     return of_one_trial(PlannedRow, np.random.default_rng(1), q_rad=q, **own)
