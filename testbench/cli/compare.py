@@ -123,8 +123,8 @@ def report(a: Finished, b: Finished) -> Report:
     models, values = models_compared(a, b), numbers_compared(a, b)
     lead = leading(models, [a, b])
     if lead is None and not values:
-        kinds = f"RUN_A comes from {a.manifest.command}, RUN_B from {b.manifest.command}"
-        raise BenchError(f"{kinds}: expected runs with a model or a number in common, found none")
+        kinds = f"a run of {a.manifest.command} and one of {b.manifest.command} without any"
+        raise BenchError(f"expected runs with a model or a number in common, got {kinds}")
     badge = None if lead is None else badge_of(lead, a, b)
     inputs = inputs_differ(a, b)
     led = [row for row in models if lead is not None and row.kind == lead.kind]

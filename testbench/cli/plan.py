@@ -191,7 +191,8 @@ def _warnings(f: Row) -> Iterator[Markdown]:
         yield Markdown("**Visibility was not checked**: add `--tracker x,y,z`.")
     if f.blocked:
         yield say(
-            "**The straight path collides** before run {runs:list}.", runs=[str(run) for run in f.blocked]
+            "**The straight path collides** on the way to run {runs:list}: add a pose in between.",
+            runs=[str(run) for run in f.blocked],
         )
     if not f.surrounded:
         yield Markdown("**No floor is known**: `--floor-z METRES` adds one.")

@@ -228,7 +228,7 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
     yield from (say("{text}", text=ended(capital(text))) for text in told)
     if taken.get("rejected"):
         yield say("Outliers left out of {name}: {rejected}.", taken)
-    yield from (say("Your estimator {name} {text}", m, text=ended(m.status)) for m in f.failed)
+    yield from (say("Your estimator '{name}' {text}", m, text=ended(m.status)) for m in f.failed)
     ours = (m for m in f.models if m.constraint != "own")  # nobody certifies an estimator of the user's own
     yield from (say("Not certified: {name} ({status}).", m) for m in ours if m.status != "solved")
     if taken.check is None and taken.f_m_held_out is None:

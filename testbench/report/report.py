@@ -254,7 +254,7 @@ def with_failures(report: Report, lost: Failures, trials: int) -> Report:
     rows = [Row(name=name, seed=seed, status=why) for (name, seed), why in lost.items()]
     count = Counter(row.name for row in rows)
     first = [Row(find(rows, name=name), failed=f"{n} of {trials}") for name, n in count.items()]
-    sentence = "Your estimator {name} failed in {failed} trials, which its numbers leave out."
+    sentence = "Your estimator '{name}' failed in {failed} trials, which its numbers leave out."
     return replace(
         report,
         numbers={**report.numbers, FAILURES: rows},

@@ -87,7 +87,8 @@ def do_chunk(work: Work, seeds: Sequence[int]) -> Chunk:
             raise BenchError(f"expected rows for {len(seeds)} trials, got {len(found)}")
         return Chunk(seeds, found)
     except (BenchError, ImportError, OSError) as err:
-        return Chunk(seeds, (), f"seeds {seeds[0]} to {seeds[-1]}: {err}")
+        these = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
+        return Chunk(seeds, (), f"{these}: {err}")
 
 
 def here(work: Work, chunks: Sequence[Sequence[int]]) -> Chunks:

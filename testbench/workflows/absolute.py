@@ -399,8 +399,9 @@ def position_errors(model: ArmModel, series: Sequence[Series], frame_poses: int 
         if frame_poses is None and seen_before:
             if off := distance_from_known_frame(state, one):
                 raise BenchError(
-                    f"{one.name}: three quarters of its readings are {1e3 * off:.4g} mm or more from frame "
-                    f"{one.frame!r} of the calibration; --frame-poses fits a frame of its own"
+                    f"{one.name}: three quarters of its readings are {1e3 * off:.4g} mm or more from the "
+                    f"positions that the calibration predicts in frame {one.frame!r}; did the tracker move? "
+                    "--frame-poses fits a new frame"
                 )
             placed = register_with_known_frame(model, one)
         else:

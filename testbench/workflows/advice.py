@@ -147,7 +147,7 @@ def of_average(average: ModelAverage | None) -> list[str]:
     weights = {} if average is None else {words: getattr(average, key) for key, words in AVERAGED.items()}
     counted = ", ".join(f"{words} {100 * weight:.3g} %" for words, weight in weights.items() if weight)
     return (
-        [f"the estimate is an average of models by their evidence; it contains {counted}"] if counted else []
+        [f"the estimate is an average of models, weighted by their evidence ({counted})"] if counted else []
     )
 
 

@@ -414,8 +414,9 @@ def configuration_notes(program: Program, start: Array | None) -> tuple[str, ...
     """
     if start is not None or program.q is not None or not isinstance(program.content, Columns):
         return ()
-    chosen = "the configuration nearest to zero is used"
-    return (f"The table has no joints: {chosen}. Joints in the table, or compensate --start, choose another",)
+    chosen = "of the arm's configurations, the one with joint values nearest to zero is used"
+    another = "Columns of joint values, or compensate --start, choose another"
+    return (f"The table has no joint values: {chosen}. {another}",)
 
 
 def more_columns(corrected_program: CorrectedProgram) -> dict[str, Array | Sequence[str]]:

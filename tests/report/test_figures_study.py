@@ -91,7 +91,11 @@ LONG = "averylongwordwithoutanyblankinitanywhereatall"
     ("words", "title", "rest"),
     [
         ("Short enough", "Short enough", ""),
-        ("Tie: a ties with b (error ratio 1.00, n 8).", "Tie: a ties with b", "Error ratio 1.00, n 8."),
+        (
+            "Tie: a is about as good as b (error ratio 1.00, n 8).",
+            "Tie: a is about as good as b",
+            "Error ratio 1.00, n 8.",
+        ),
         ("One sentence ends here. The other is long.", "One sentence ends here", "The other is long."),
         ("Holds: one is far better than two (n 8).", "Holds: one is far better than two", "N 8."),
         ("Error 0.1 mm; by chance: 0.3 mm (n 8)", "Error 0.1 mm; by chance: 0.3 mm", "N 8"),

@@ -142,7 +142,7 @@ KNOWN = {"error_mm": Expected(0.234, 0.1, 0.3), "joints_alone_mm": 0.5, "unshown
 QUIET = {**KNOWN, "directions": Row(hidden_mm=0.116), "unloaded": None, "surrounded": True, "blocked": []}
 SAID = [
     ({"tracker_m": None}, "Visibility"),
-    ({"blocked": [2, 4]}, "collides** before run 2 and 4"),
+    ({"blocked": [2, 4]}, "collides** on the way to run 2 and 4"),
     ({"surrounded": False}, "floor-z"),
     ({"joints_alone_mm": 0.233}, "no larger"),
     ({"directions": Row(hidden_mm=0.118)}, "0.118 mm"),

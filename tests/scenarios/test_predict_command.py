@@ -191,7 +191,7 @@ def test_programs_of_tool_poses_and_plans_are_read_too(kr500, model, tmp_path, q
     assert cut.words == "0 to 1,019 N"
     unread, chosen = cut.notes
     assert unread == "These columns are not read: speed_mm_s"
-    assert chosen.startswith("The table has no joints: the configuration nearest to zero is used")
+    assert chosen.startswith("The table has no joint values: of the arm's configurations, the one with")
     plan = poses_file(tmp_path / "plan.csv", q, ["250,0.1"] * POSES, head="load_kg,expected_error_mm")
     hung = read_pose_file(plan, found, None, MASS)
     assert hung.words == "250 kg"

@@ -293,7 +293,9 @@ def test_a_frame_that_is_not_shared_after_all_is_refused(ur10):
     """Whichever comes first; a tracker that moved by metres in mid-series is another matter."""
     one, two = read(ur10, series=2)
     for first, second in ((one, two), (two, one)):
-        with pytest.raises(BenchError, match=r"from the frame .* that it shares; did the tracker"):
+        with pytest.raises(
+            BenchError, match=r"from the positions predicted in the frame .* that it shares; did the tracker"
+        ):
             gathered(ur10, first, replace(second, frame=first.frame))
     _, _, jump = FAULTS["tracker by metres"]
     one, two = read(ur10, series=2, share_frame=True)

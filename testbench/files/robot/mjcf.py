@@ -111,9 +111,12 @@ def _include(file: Path, root: ET.Element) -> None:
         parent, e = pair
         name = e.get("file", "")
         path = path_inside(file.parent, Path(name))
-        if path is None or str(path) in seen or len(seen) > MAX_FILES:
-            wanted = f"expected at most {MAX_FILES} files inside of {file.parent}, each included once"
-            raise InputError(file, "<include>", f"{wanted}, got {name!r}")
+        if path is None:
+            raise InputError(file, "<include>", f"expected a file inside of {file.parent}, got {name!r}")
+        if str(path) in seen:
+            raise InputError(file, "<include>", f"expected each file once, got {name!r} again")
+        if len(seen) > MAX_FILES:
+            raise InputError(file, "<include>", f"expected at most {MAX_FILES} files, got more")
         seen.add(str(path))
         place = list(parent).index(e)
         parent[place : place + 1] = list(read_xml(path))

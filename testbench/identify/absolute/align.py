@@ -872,7 +872,8 @@ def _check_shared(state: ArmState, series: tuple[Series, ...]) -> None:
         if off:
             raise BenchError(
                 f"{readings.name}: three quarters of its readings are {1e3 * off:.4g} mm or more from the "
-                f"{' and the '.join(what)} that it shares; did the tracker or the target move between series?"
+                f"positions predicted in the {' and the '.join(what)} that it shares; "
+                "did the tracker or the target move between series?"
             )
 
 

@@ -295,8 +295,8 @@ def _report(asked: SolverSettings, seeds: range, trials: Trials) -> Report:
         scenario=STUDY.name,
         question=say("{arm}, {model}: which solver finds the best model, and how fast?", f),
         title=say(
-            "{arm}: {dataset.runs} runs in {dataset.poses} poses identify {model} by Eq. (19), m = {m}; "
-            "{seeds:counted seed}",
+            "{arm}: {model} by Eq. (19) of the paper with m = {m}; {dataset.runs} runs in "
+            "{dataset.poses} poses; {seeds:counted seed}",
             f,
             seeds=len(seeds),
         ),
