@@ -22,6 +22,7 @@ from testbench.report.badge import ratios
 from testbench.report.colours import LINK, NEGATIVE, NOMINAL, hexadecimal, look
 from testbench.report.figure import row_head
 from testbench.report.figures_fit import (
+    AXES,
     compared,
     compliance_figure,
     eigenvalue_figure,
@@ -249,9 +250,11 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
     most = max(details.compliances, key=lambda row: row.share_percent)
     assert most.part == "link_2"
     *panes, strip = figure.axes[:4]
-    keys = "reference", "estimate", "half"
-    for axes, key in zip(panes, keys, strict=True):
+    keys = {"reference": "true arm", "estimate": row_head(TAKEN), "half": "half width, 95 %"}
+    for axes, (key, title) in zip(panes, keys.items(), strict=True):
         given = in_units(most, key)
+        assert axes.get_title() == title
+        assert [text.get_text() for text in axes.get_xticklabels()] == [*AXES]
         [image] = axes.images
         np.testing.assert_allclose(image.get_array().filled(np.nan), given)
         said = {tuple(map(round, text.get_position())): text.get_text() for text in axes.texts}
@@ -264,6 +267,9 @@ def test_the_figure_of_compliances_has_the_numbers_of_the_link_that_bends_most_a
             j, i = map(round, text.get_position())
             cell = to_rgb(image.to_rgba(image.get_array()[i, j]))
             assert contrast(cell, to_rgb(text.get_color())) > 3
+    assert [text.get_text() for text in panes[0].get_yticklabels()] == [*AXES]
+    assert [text.get_text() for text in strip.get_xticklabels()] == [row.part for row in details.compliances]
+    assert [text.get_text() for text in strip.get_yticklabels()] == [*keys.values()]
     assert len({axes.images[0].get_clim() for axes in panes}) == 1
     [image] = strip.images
     for k, row in enumerate(details.compliances):
@@ -307,9 +313,12 @@ def test_the_figure_of_eigenvalues_draws_each_and_crosses_the_negative_ones_in_r
         low, high = axes.get_xlim()
         assert all(low <= x <= high for _, x in given)
         bad = sum(x < 0 for _, x in given)
-        assert (f"{bad} of {len(given)} negative" in axes.get_title()) == (bad > 0)
+        told = f"{bad} of {len(given)} negative" if bad else "none negative"
+        assert axes.get_title() == f"{row_head(name)}:\n{told}"
     assert len({axes.get_xlim() for axes in figure.axes}) == 1  # models compare on one scale
     assert figure.get_suptitle().startswith("Not conservative: least squares of beam links (")
+    parts = [row.part for row in details.eigenvalues["MLS56"]]
+    assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == parts
 
 
 def marks(lines):
@@ -327,6 +336,9 @@ def test_the_figure_of_residuals_draws_both_histograms_their_normal_curves_and_p
         assert (low, high) == figure.axes[0].get_xlim()  # side by side one residual is as far from zero
         assert low < by_name[name].edges_um[0] < by_name[name].edges_um[-1] < high
     check_predictions(figure.axes[-1], details.predictions, ("MLS56", TAKEN))
+    title = " ".join(figure.get_suptitle().split())
+    for name in ("MGCO56", "MLS56"):
+        assert (in_words(name) in title) == (by_name[name].lilliefors_p >= 0.05)
 
 
 def check_residuals(axes, row, look):
@@ -422,7 +434,9 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     figure = model_figure(Row(f, identifiability=Row(help=proposals)), LOOKS)
     figure.draw_without_rendering()
     check_legible(figure)
-    first, _, sag, stiff, told, parts, last = figure.axes
+    first, second, sag, stiff, told, parts, last = figure.axes
+    heads = [axes.get_title().split(":")[0] for axes in (first, second)]
+    assert heads == [row_head(name) for name in ("MLS56", TAKEN)]
     assert [axes.get_xlabel() for axes in (first, sag, stiff, parts, last)] == [
         "eigenvalue [µrad/(N m)]",
         "share of the load's deflection [%]",
@@ -440,6 +454,12 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     assert [tuple(ends[:, 0]) for ends in whiskers] == [
         (row.least_percent, row.most_percent) for row in f.details.sag
     ]
+    shares = [row.share_percent for row in f.details.sag]
+    assert shares == sorted(shares, reverse=True)
+    assert [text.get_text() for text in sag.texts] == [f"{share:.0f} %" for share in shares]
+    said = f"{in_words(TAKEN)} is conservative; {f.details.sag[0].part} causes {shares[0]:.0f} %"
+    assert " ".join(figure.get_suptitle().split()).casefold().startswith(said.casefold())
+    assert [line.get_label() for line in stiff.get_lines()] == ["the arm's folder, ±30 %", "identified"]
     for line, spans, key in zip(stiff.get_lines(), stiff.collections, ("prior", "posterior"), strict=True):
         every = [row[key] for row in f.details.joints]
         assert line.get_xdata() == pytest.approx([own.middle for own in every])
