@@ -93,7 +93,7 @@ def draw_leaderboard() -> Path:
     panes = {"with_prior": "with the prior, over the default", "without_prior": "without, over joints"}
     for axes, (name, title) in zip(figure.subplots(1, 2), panes.items(), strict=True):
         with (BOARD / f"{name}.csv").open(encoding="utf-8", newline="") as file:
-            found = {row["model"]: row["error over the incumbent's"] for row in csv.DictReader(file)}
+            found = {row["model"]: row["error divided by the incumbent's"] for row in csv.DictReader(file)}
         for y, text in enumerate(found.values()):
             middle, *ends = (float(own) for own in RATIO.findall(text)[0] if own)
             axes.plot(ends, [y] * len(ends), color="C0", linewidth=2.5)

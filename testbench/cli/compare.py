@@ -148,7 +148,7 @@ def report(a: Finished, b: Finished) -> Report:
             "Do {a} (A) and {b} (B) differ, and which has the smaller error?",
             Row(a=a.folder.name, b=b.folder.name),
         ),
-        title=say("A: {a} ({x}, seeds {s}); B: {b} ({y}, seeds {t})", _made(a, b)),
+        title=say("A: {a} ({x}, {s}); B: {b} ({y}, {t})", _made(a, b)),
         answer=answer,
         claims=[say("These models are in only one of the runs: {only:list}.", only=only)]
         if only and led
@@ -169,9 +169,8 @@ def report(a: Finished, b: Finished) -> Report:
 
 def _made(a: Finished, b: Finished) -> Row:
     """Name folders, commands and seeds of both runs."""
-    return Row(
-        a=str(a.folder), x=a.manifest.command, s=seeds(a), b=str(b.folder), y=b.manifest.command, t=seeds(b)
-    )
+    s, t = (f"{'seed' if run.manifest.seeds == 1 else 'seeds'} {seeds(run)}" for run in (a, b))
+    return Row(a=str(a.folder), x=a.manifest.command, s=s, b=str(b.folder), y=b.manifest.command, t=t)
 
 
 def _tables(

@@ -270,7 +270,7 @@ def candidate_set(spec: PlanSpecification, q: Array) -> CandidateSet:
     )
     if spec.prior_uncertainty is None and seen < r:
         raise BenchError(
-            f"poses: {spec.n_poses} of them determine at most {seen} of the {r} directions of "
+            f"poses: {spec.n_poses} determine at most {seen} of the {r} directions of "
             f"{spec.setup.scaling.structure.name} that these loads can determine; "
             f"expected at least {-(-r * spec.n_poses // seen)} poses, or a prior for the other directions"
         )

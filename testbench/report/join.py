@@ -10,6 +10,7 @@ import numpy as np
 from testbench.errors import BenchError
 from testbench.plant.true_arms import FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import Badge, decide
+from testbench.report.markdown import counted
 from testbench.report.schema import ALIKE, true_arm_label
 from testbench.report.table import Row, finite, rows
 from testbench.runs.manifest import Finished
@@ -318,8 +319,8 @@ def refuse_unlike(runs: Sequence[Finished]) -> None:
     problem, known = "", [(run, arms) for run in runs if (arms := _true_arms(run))]
     alone = {run.manifest.seed for run, _ in known if run.manifest.seeds == 1}
     if 1 in counts and len(counts) > 1:
-        told = "; ".join(f"{run.folder}: {seeds(run)}" for run in runs)
-        problem = f"one seed in both runs or several in both (one seed has no spread), got seeds {told}"
+        told = " and ".join(f"{run.folder} with {counted(run.manifest.seeds, 'seed')}" for run in runs)
+        problem = f"one seed in both runs or several in both (one seed has no spread), got {told}"
     elif len({arms for _, arms in known}) > 1 or (len(alone) > 1 and len(known) > 1):
         told = "; ".join(
             f"{run.folder}: {', '.join(sorted(arms))}, seeds {seeds(run)}" for run, arms in known

@@ -284,6 +284,6 @@ def warnings(trials: Trials, name: str = "name") -> list[Markdown]:
     each = zip(trials[name].tolist(), trials["status"].tolist(), strict=True)
     lost = Counter(own for own, word in each if word not in (None, "solved"))
     few = [FEW] if len(trials.values("seed")) < MIN_PERCENTILE_TRIALS else []
-    said = "{name} was not solved in {lost} of {fits} fits."
+    said = "Not solved in {lost} of {fits} fits: {name}."
     names = trials[name].tolist()
     return [*(say(said, Row(name=n, lost=k, fits=names.count(n))) for n, k in lost.items()), *few]

@@ -139,7 +139,7 @@ def _check_arm(name: str) -> str:
 
 def _exists(name: str) -> str:
     if not sheet_of(Path(name))[0].is_file():
-        raise PydanticCustomError("file", "expected a file, there is none")
+        raise PydanticCustomError("file", "expected a file that exists")
     return name
 
 

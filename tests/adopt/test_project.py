@@ -143,7 +143,7 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
             'arm = "nowhere"',
             "line 1, column 1, arm: expected the folder of an arm, or the name of one of ours, got 'nowhere'",
         ),
-        ('map = "none.toml"', "line 1, column 1, map: expected a file, there is none, got 'none.toml'"),
+        ('map = "none.toml"', "line 1, column 1, map: expected a file that exists, got 'none.toml'"),
         (
             "sigma_um = 0",
             "line 1, column 1, sigma_um: expected at least 0.001, got 0",
@@ -154,7 +154,7 @@ def test_a_pair_without_a_mass_has_the_project_s_load(cell):
         ),
         ("tracker = [1, 2]", "line 1, column 1, tracker: expected a text, got [1, 2]"),
         ('arm = "--help"', "arm: expected a text that does not begin with -, got '--help'"),
-        ('[files."jun.csv"]\nload = 5', "files.jun.csv: expected a file, there is none"),
+        ('[files."jun.csv"]\nload = 5', "files.jun.csv: expected a file that exists"),
         ('[files."may.csv"]\nmas = 5', "files.may.csv.mas: unknown key; keys are map, load, payload"),
         ('out = "elsewhere"', "out: unknown key"),
     ],
@@ -192,4 +192,4 @@ def test_new_writes_a_project_file_of_sound_examples_and_replaces_none(cell):
     assert all(f"{key} = " in text for key in Project.model_fields if key != "files")
     examples = text[: text.index("# [files")].splitlines(keepends=True)
     NAME.write_text("".join(line.removeprefix("# ") for line in examples if " = " in line))
-    assert "map: expected a file, there is none" in do("check").stderr  # all examples are sound
+    assert "map: expected a file that exists" in do("check").stderr  # all examples are sound

@@ -307,7 +307,7 @@ def test_pairs_whose_ratios_lie_on_both_sides_are_alike_and_one_pair_is_none():
 def test_one_seed_beside_several_is_refused_unless_asked_for_and_has_no_spread(one, many, tmp_path):
     asked = "expected one seed in both runs or several in both (one seed has no spread), got"
     line = refused("compare", one, many, "--out", tmp_path / "out", said=asked, below=tmp_path)
-    assert "1 to 20; --anyway compares them" in line
+    assert "with 20 seeds; --anyway compares them" in line
     _, report = said(tmp_path, one, many, "--anyway")
     assert {own["by"] for own in report["models"]} == {"one"}
 

@@ -6,7 +6,7 @@ from run_here import ROOT, app_of_study, here, is_refused
 LINK = str(ROOT / "models" / "single_link")
 WRONG = [
     ("absolute_calibration", "--arm rust", "got 'rust'"),
-    ("absolute_calibration", "--arm ur10 --arm ur10", "different ones"),
+    ("absolute_calibration", "--arm ur10 --arm ur10", "each once, got"),
     ("compensation", "--arm ur10", "expected kr500_l480"),
     ("gravity_calibration", "--nonsense", "No such option: --nonsense"),
     ("gravity_calibration", "--true-arm steel", "--true-arm"),
@@ -32,7 +32,7 @@ WRONG = [
     ("pose_selection", "--seeds 0", "seeds"),
     ("pose_selection", "--workers 0", "workers"),
     ("pose_selection", "--arm nowhere", "expected the folder of an arm"),
-    ("regimes", "--truth joints --truth rust", "--truth: expected different ones of tubes, off_10"),
+    ("regimes", "--truth joints --truth rust", "--truth: expected some of tubes, off_10"),
     ("single_link", "--seeds 0", "--seeds: expected at least 1, got '0'"),
     ("single_link", "--seeds two", "--seeds: expected an integer, got 'two'"),
     ("single_link", "--loads both", "--loads"),

@@ -33,5 +33,5 @@ def test_fits_that_were_not_solved_are_counted_by_model_and_few_trials_are_named
     names, status = ["a", "b"] * 20, ["solved", "solved"] * 18 + ["stopped", "solved"] * 2
     seeds = np.repeat(range(20), 2)
     trials = Trials({}).add(name=names, status=status, seed=seeds)
-    assert warnings(trials) == ["a was not solved in 2 of 20 fits."]
+    assert warnings(trials) == ["Not solved in 2 of 20 fits: a."]
     assert warnings(trials.where(seed=0)) == [FEW]

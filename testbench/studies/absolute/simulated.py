@@ -386,7 +386,7 @@ def _settings(options: AbsoluteOptions, quick: bool, seeds: range) -> AbsoluteSe
     arms = tuple(options.arm or ARMS)
     for name in arms:
         if name not in PAYLOAD or arms.count(name) > 1:
-            raise BenchError(f"--arm: expected different ones of {', '.join(PAYLOAD)}, got {name!r}")
+            raise BenchError(f"--arm: expected some of {', '.join(PAYLOAD)}, each once, got {name!r}")
     if quick:
         return AbsoluteSettings(arms, QUICK_NUMBERS, 0, QUICK_NUMBERS[0], seeds[0])
     return AbsoluteSettings(arms, NUMBERS, MANY, FEATURED, seeds[0])

@@ -202,7 +202,7 @@ def _settings(options: GridOptions, quick: bool, seeds: range) -> GridSettings:
     truths = tuple(options.truth or FAMILY)
     for name in truths:
         if name not in true_arms or truths.count(name) > 1:
-            raise BenchError(f"--truth: expected different ones of {', '.join(true_arms)}, got {name!r}")
+            raise BenchError(f"--truth: expected some of {', '.join(true_arms)}, each once, got {name!r}")
     found = GridSettings(seeds[0], truths)
     if not quick:
         return found
