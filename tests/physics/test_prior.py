@@ -321,6 +321,19 @@ def test_a_learnt_prior_moves_parameters_as_far_as_its_hyperparameters_are_open(
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4 * expected.max())
 
 
+def test_scales_are_ratios_to_their_kind_as_sure_as_the_difference_of_their_logarithms(kr500, campaign, rng):
+    own = scale_by_prior(cad_prior(kr500.arm), kr500.vjm, mgco68(kr500.arm))
+    seen = hierarchy.prior_evidence_model(reduce(kr500.vjm, own.structure, campaign.identification), own)
+    n, K = len(seen.hyperparameter_medians), seen.n_scales
+    h, A = rng.normal(size=n), rng.normal(size=(n - 1, n - 1))
+    C = A @ A.T
+    pairs = [(k, K + kind) for k, kind in enumerate(seen.scale_kinds)]
+    pairs += [(K + 1, K)]  # the joints over the links
+    for scale, (i, j) in zip(hierarchy._scales(seen, h, C), pairs, strict=True):
+        assert scale.factor == pytest.approx(np.exp(h[i]) / np.exp(h[j]))
+        assert scale.log_deviation == pytest.approx(np.sqrt(C[i, i] + C[j, j] - 2 * C[i, j]))
+
+
 @pytest.mark.parametrize("factor", [0.1, 10.0])
 def test_joints_ten_times_off_are_found_and_hardly_cost_anything(kr500, factor):
     prior = cad_prior(kr500.arm)
@@ -760,6 +773,12 @@ def test_links_count_where_they_surely_predict_poses_better_that_were_left_out(g
     own = np.array([1.0, 2.0, 0.5])
     errors = None if gains is None else (own, own * np.exp(gains))
     assert average.joints_only_weight(errors, links_vary=changes) == weight
+
+
+@pytest.mark.parametrize("links_vary", [False, True])
+def test_where_the_evidence_decides_joints_alone_do_not_count_but_where_links_vary(links_vary):
+    weight = average.joints_only_weight(None, links_vary=links_vary)
+    assert weight == (average.MIN_JOINTS_ONLY_WEIGHT if links_vary else 0)
 
 
 def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(kr500, alike, monkeypatch):

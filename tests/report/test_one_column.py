@@ -8,6 +8,7 @@ import pytest
 from legible import check_legible
 from made_up_run import REPORT, made_up_run
 
+from testbench.report.colours import look
 from testbench.report.figure import for_column, forest, one_column, page, ranges, say, sweeps
 from testbench.report.run_figure import error_map, overview
 from testbench.report.schema import Table, TableColumn
@@ -121,3 +122,22 @@ def test_maps_stand_below_each_other_with_their_bar(arm_6r):
     [side] = stacked(error_map(seen.map, "Under load"))  # both do not fit, and half a map says where it errs
     assert side.get_xlabel() == "x [m]"
     assert seen.map.lines[-1].name in side.get_title()
+
+
+def test_a_long_title_of_a_pane_is_broken_and_a_pane_that_is_not_drawn_takes_no_room():
+    figure = page(2.0)
+    left, right = figure.subplots(1, 2)
+    left.set_title("word " * 20)
+    right.set_visible(False)
+    say(figure, "Title", "Words.")
+    [axes] = stacked(figure)
+    assert "\n" in axes.get_title()
+
+
+def test_a_pane_that_is_too_tall_alone_stays_and_all_of_its_rows_are_named():
+    many = [Row(row, name=f"{row.name} {k}") for k in range(14) for row in rows()]
+    table = Table((NAME, ERROR), many, looks={row.name: look("MGCO56", "psd") for row in many})
+    figure = forest(table, {"error": "Errors"}, "One wins", "Words.")
+    figure.draw_without_rendering()
+    [axes] = [axes for axes in one_column(figure).axes if axes.axison]
+    assert len([own for own in labels(axes) if own]) == len(many)

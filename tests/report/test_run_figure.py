@@ -348,6 +348,10 @@ def test_for_print_there_are_svgs_beside_the_png_of_two_widths_on_light_and_on_d
         used = set(re.findall("#[0-9a-f]{6}", text))
         assert "#c88304" in used
         assert used.isdisjoint({"#ffffff", "#000000"}) == ("dark" in end)
+        ground = re.search("fill: #([0-9a-f]{2})", text)[1]
+        assert int(ground, 16) == (18 if "dark" in end else 255)
+        letters = re.search("<svg [^>]*>", text)[0]  # those without a fill of their own are black else
+        assert ('fill="#ebebeb"' in letters) == ("dark" in end)
 
 
 def test_a_scale_is_logarithmic_where_one_model_errs_far_more_and_says_so():
@@ -426,3 +430,13 @@ def test_a_line_alone_has_no_key_and_two_have_one(figure, seen):
     assert [text.get_text() for text in figure.axes[-1].get_legend().get_texts()] == ["other", "one"]
     alone = replace(seen.runs[0], lines=seen.runs[0].lines[:1])
     assert overview(REPORT, replace(seen, runs=(alone,))).axes[-1].get_legend() is None
+
+
+def test_the_layout_that_measures_words_once_is_that_of_matplotlib(seen):
+    table = Table(COLUMNS, MODELS)
+    for draw in (lambda: forest(table, {"error": "all"}, "Who wins", ""), lambda: overview(REPORT, seen)):
+        own, other = draw(), draw()
+        other.get_layout_engine().execute(other)
+        figures._lay_out(own)
+        for a, b in zip(own.axes, other.axes, strict=True):
+            np.testing.assert_allclose(a.get_position().bounds, b.get_position().bounds, atol=2e-3)
