@@ -641,7 +641,7 @@ def _tables(f: Row) -> dict[str, Table]:
     for key, rows in (("with_prior", board), ("without_prior", plain)):
         for row in rows:
             every[row.name] |= {key: row.over_default}
-    title = f"Error divided by that of the default; without prior, by that of {JOINTS}"
+    title = f"Error divided by the incumbent's: the default with prior, {JOINTS} without prior"
     return {
         "short": Table(columns(SHORT), [*every.values()], title),
         "with_prior": Table(columns(BOARD), board, "all tasks, with prior", headline="over_default"),

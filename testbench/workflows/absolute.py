@@ -231,7 +231,7 @@ def calibrate_with_masses(
     with raise_explanation(vjm):
         calibration = calibrate(vjm, series, cad_prior(vjm.arm), options, weights)
     said += [
-        f"{one.name}: {few}, so they are taken from the series that share them"
+        f"{one.name}: {few}; frame and mount are taken from the series that share them"
         for one in series
         if (few := underdetermined_reason(vjm, one))
     ]

@@ -530,7 +530,7 @@ def _without_load(model: ArmModel, mass: float | None) -> tuple[float, str]:
     if mass is None:
         return hung, f"The file gives no load, so the rated payload of {hung:g} kg is assumed"
     if not hung:
-        return hung, "The file and --load give no load"
+        return hung, "Neither the file nor --load gives a load"
     return hung, f"The file gives no load: {hung:g} kg of --load hang in every pose"
 
 

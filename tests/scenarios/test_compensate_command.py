@@ -193,7 +193,7 @@ def test_a_program_without_loads_bears_the_payload_as_in_predict(folder, asked, 
         found[name] = read_program(tmp_path / f"{name}.csv", load_arm(find_arm("kr500_l480"))).q, said
     assert "The file gives no load, so the rated payload of 460.3 kg is assumed" in found["stated"][1]
     assert "The file gives no load: 460.3 kg of --load hang in every pose" in found["same"][1]
-    assert "The file and --load give no load" in found["none"][1]
+    assert "Neither the file nor --load gives a load" in found["none"][1]
     np.testing.assert_array_equal(found["stated"][0], found["same"][0])
     np.testing.assert_allclose(found["none"][0], q, atol=1e-9)
     assert np.abs(found["stated"][0] - q).max() > 1e-4

@@ -249,7 +249,7 @@ def test_what_hangs_where_the_file_says_of_no_load_and_what_was_not_read_are_sai
     asked = read_pose_file(file, own, None, 460.3).notes
     assert "The file gives no load: 460.3 kg of --load hang in every pose" in asked
     bare = read_pose_file(file, own, None, 0.0)
-    assert (bare.words, bare.notes[-1]) == ("", "The file and --load give no load")
+    assert (bare.words, bare.notes[-1]) == ("", "Neither the file nor --load gives a load")
 
 
 def test_the_page_shows_every_pose_and_the_softest_place_and_no_pane_is_blank(made, open_page, blank_panes):

@@ -830,7 +830,7 @@ def underdetermined_reason(vjm: Vjm, series: Series) -> str:
     numbers = f"the {count} numbers of its frame and mount"
     if poses < MIN_REGISTRATION_POSES:
         few = f"{poses} poses with a reading are too few for {numbers}"
-        return f"{few}; expected at least {MIN_REGISTRATION_POSES}, in which {turn} joints turn"
+        return f"{few}; expected at least {MIN_REGISTRATION_POSES} poses, with {turn} joints that turn"
     if series.plane_normal is not None and _touches_in_a_row(vjm, series):
         return "its poses touch the plane along a line and do not determine its tilt; spread them all over it"
     if len(joints) < min(turn, vjm.arm.n_joints):
