@@ -775,12 +775,6 @@ def test_links_count_where_they_surely_predict_poses_better_that_were_left_out(g
     assert average.joints_only_weight(errors, links_vary=changes) == weight
 
 
-@pytest.mark.parametrize("links_vary", [False, True])
-def test_where_the_evidence_decides_joints_alone_do_not_count_but_where_links_vary(links_vary):
-    weight = average.joints_only_weight(None, links_vary=links_vary)
-    assert weight == (average.MIN_JOINTS_ONLY_WEIGHT if links_vary else 0)
-
-
 def test_links_that_predict_no_better_leave_joints_alone_and_intervals_as_wide(kr500, alike, monkeypatch):
     method, regression, before = alike
     of_two = average._average_priors
