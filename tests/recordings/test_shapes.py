@@ -35,6 +35,12 @@ def test_shapes_are_the_visual_geoms_of_the_mjcf_in_their_own_places(kr500):
         assert shape.rotation @ shape.rotation.T == pytest.approx(np.eye(3), abs=1e-12)
 
 
+def test_colours_come_from_the_material(kr500):
+    shapes, names = visual_shapes(kr500.room), kr500.room.body_names
+    [marker] = [shape for shape in shapes if names[shape.body] == "P1"]
+    assert marker.rgba == pytest.approx([0.835, 0.369, 0, 1], abs=1e-6)
+
+
 def test_elastic_frames_are_rigid_at_rest_and_hold_the_markers_of_the_loaded_arm(kr500):
     rng = np.random.default_rng(3)
     q = rng.uniform(-0.5, 0.5, (3, 6))

@@ -39,6 +39,7 @@ TIMES = np.array([1.1, 1.2, 1.3, 1.4, 1.5, 1.6])
         (NOISE, NOISE[::-1], "tie", "ours", None),  # the interval covers one
         (NOISE, 1.01 * NOISE, "tie", "ours", 1.01),  # within two percent, however sure
         (1.01 * NOISE, NOISE, "tie", "ours", 1 / 1.01),
+        (NOISE, 1.03 * NOISE, "holds", "ours", 1.03),
         (np.ones(6), TIMES, "holds", "ours", 1.35),  # six of six are enough, and five of six are not
         (np.ones(6), np.r_[0.9, TIMES[1:]], "tie", "ours", None),
         (3 * NOISE[:5], NOISE[:5], "undecided", "theirs", 3),
