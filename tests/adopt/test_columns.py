@@ -80,6 +80,17 @@ def test_a_log_that_lost_a_row_since_its_map_was_written_is_refused(tmp_path):
         read_series(file, ARM, map_)
 
 
+def test_a_log_of_fewer_rows_than_the_readings_need_is_not_joined_by_order(tmp_path):
+    """Of 24 readings of three targets in turn seven rows are too few."""
+    files = []
+    for name, rows in (("targets_without_poses.csv", 24), ("axes_row_by_row.robot", 7)):
+        header, *lines = (FOLDER / name).read_text().splitlines(keepends=True)
+        files.append(tmp_path / name)
+        files[-1].write_text("".join([header, *(2 * lines)[:rows]]))
+    with pytest.raises(InputError, match="equally many rows or poses in both, got 24 readings and 7 rows"):
+        propose(files[0], ARM, files[1], tmp_path)
+
+
 @pytest.mark.parametrize(
     ("program", "names", "cells"),
     [
