@@ -232,7 +232,8 @@ def warnings(f: Row, taken: Row) -> Iterator[Markdown]:
     ours = (m for m in f.models if m.constraint != "own")  # nobody certifies an estimator of the user's own
     yield from (say("Not certified: {name} ({status}).", m) for m in ours if m.status != "solved")
     if taken.check is None and taken.f_m_held_out is None:
-        yield Markdown("No pose was held out; `--check-pose N` holds one out.")
+        others = "a second pose would allow it" if f.poses == 1 else "`--check-pose N` holds one out"
+        yield Markdown(f"No pose was held out; {others}.")
     yield from _of_intervals(f, taken)
     if taken.aggregated:
         yield say(

@@ -115,7 +115,7 @@ WRONG = {
     "10 times too small: centimetres read as millimetres?": centimetres,
     "expected shots of one point within 0.002 m": one_name_for_targets,
     "column A2: expected -130": another_sign,
-    "the readings are those of the pose after": slipped,
+    "the readings belong to the next pose": slipped,
     "one reading is 3600 s away; do the clocks agree?": another_clock,
     "line 4: no row of robot.csv is called 'R03'": a_name_less,
 }

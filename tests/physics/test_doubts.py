@@ -108,7 +108,7 @@ def test_rows_that_slipped_are_named_with_the_first(kr500, made, seed, k, shift)
     q = np.where(np.arange(d.n_runs)[:, None] < k, d.q, np.roll(d.q, shift, axis=0))
     [first, *_] = named(replace(own, data=select_runs(replace(d, q=q), np.arange(d.n_runs) < runs)))
     assert first.name == "order"
-    assert f"those of the pose {'after' if shift > 0 else 'before'} from run {k + 1} on" in first.sentence
+    assert f"belong to the {'next' if shift > 0 else 'previous'} pose from run {k + 1} on" in first.sentence
 
 
 def test_readings_are_weighed_by_the_learnt_prior_and_what_sound_joints_do(sets):

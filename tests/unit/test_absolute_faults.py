@@ -172,7 +172,7 @@ MISTAKES = {
         joints(lambda q: q[:, [0, 1, 3, 2, 4, 5]]),
         "shoulder_lift_joint, wrist_1_joint, elbow_joint",
     ),
-    "pose before": (joints(lambda q: np.roll(q, -1, axis=0)), "are those of the pose before"),
+    "pose before": (joints(lambda q: np.roll(q, -1, axis=0)), "belong to the previous pose"),
     "all mixed": (
         joints(lambda q: q[:, [3, 5, 0, 4, 2, 1]]),
         "wrist_1_joint, wrist_3_joint, shoulder_pan_jo",
@@ -229,7 +229,7 @@ def test_circles_of_one_joint_each_tell_couplings_orders_and_slips(kr500, circle
     planted = {
         "joint_3 is the file's joint_3 - joint_2": counting(2, 1),
         "joint_2, joint_3, joint_1, joint_4, joint_5, joint_6": joints(lambda q: q[:, [1, 2, 0, 3, 4, 5]]),
-        "those of the pose before from row 21 on": lambda s: replace(
+        "belong to the previous pose from row 21 on": lambda s: replace(
             s, q=np.where(np.arange(36)[:, None] < 20, s.q, np.roll(s.q, -1, axis=0))
         ),
     }
@@ -395,10 +395,8 @@ def late(one, k, shift):
 )
 def test_rows_that_slipped_are_named_with_the_first_one(ur10, hundred, turned, k, shift):
     one = late(hundred if turned else position_only(hundred), k, shift)
-    words = "pose before" if shift < 0 else "pose after"
-    expected = (
-        rf"rows from {k + 2} on do not fit .*; the readings are those of the {words} from row {k + 2} on"
-    )
+    words = "previous pose" if shift < 0 else "next pose"
+    expected = rf"rows from {k + 2} on do not fit .*; the readings belong to the {words} from row {k + 2} on"
     with pytest.raises(BenchError, match=expected), raise_explanation(ur10.vjm):
         calibrate_with_masses(ur10.vjm, [one], ONLY)
 

@@ -345,7 +345,7 @@ def _order(observations: Observations) -> KinematicCorrections:
 def _order_sentence(issue: Issue, _: Arm) -> str:
     row = "row" if issue.reading_kind == "all" else "run"
     since = f" from {row} {issue.where[0]} on" if issue.where else ""
-    return f"are those of the pose {'before' if issue.size[0] > 0 else 'after'}{since}"
+    return f"belong to the {'previous' if issue.size[0] > 0 else 'next'} pose{since}"
 
 
 def _joint_sign(observations: Observations) -> KinematicCorrections:

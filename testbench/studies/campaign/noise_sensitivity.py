@@ -368,9 +368,9 @@ PRESET = Preset(
     name="noise_sensitivity",
     page="docs/studies/noise_sensitivity.md",
     question="How much do errors grow with tracker noise, for each method and structure?",
-    how="Models fitted to the 108 runs of section 5.2 are judged in its check runs. Models of the KR 500 are "
-    "fitted to 8 poses, read by several instruments, and judged over the workspace. All levels of noise "
-    "share their random numbers.",
+    how="Models fitted to the 108 runs of the paper's section 5.2 are judged in its check runs. "
+    "Models of the KR 500 are fitted to 8 poses, read by several instruments, and judged over the workspace. "
+    "All levels of noise share their random numbers.",
     options=NoiseOptions,
     settings=_settings,
     seeds=(1000, 4),
