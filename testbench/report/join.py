@@ -6,13 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
-from testbench.errors import BenchError
+from testbench.arm.document import first_invalid_value
+from testbench.errors import BenchError, InputError
 from testbench.plant.true_arms import FAMILY_TRUE_ARMS, true_arm_of_seed
 from testbench.report.badge import Badge, decide
 from testbench.report.markdown import counted
 from testbench.report.schema import ALIKE, true_arm_label
-from testbench.report.table import Row, finite, rows
+from testbench.report.table import Row, finite
 from testbench.runs.manifest import Finished
 from testbench.runs.spread import (
     SAME_ERROR,
@@ -34,6 +36,9 @@ KINDS = {
     "identification": "at the fitted poses, against readings",
 }
 """Errors of models, what matters most first, and where they are."""
+MAX_ERROR_MM = 1e9  #: Largest error of a model.
+ENDS = ("median", "p05", "p95")  #: Of a spread, what a report must have.
+SPREADS = TypeAdapter(Spread)
 OWN = ("said", "tables", "badge", "models", "seed")  #: Keys of report.json that are no single numbers.
 CLOCK = ("seconds", "_s", "_ms")  #: Ends of keys of what a clock measured: it differs in any case.
 MODEL = "name", "structure", "constraint", "prior", "method"  #: What tells how a model is drawn.
@@ -46,24 +51,42 @@ ALONE: BySeed = {}  #: Of a run of one seed.
 
 
 def models_of(run: Finished) -> dict[str, Row]:
-    """Read the models of a report by name, with RMS errors by kind; none if several have one name."""
+    """Read the models of a report by name, with RMS errors by kind; none if several have one name.
+
+    Raises:
+        InputError: When an error is none that a model can have.
+    """
     listed = run.report.get("models")
     rows = [own for own in listed if isinstance(own, dict)] if isinstance(listed, list) else []
-    found = [_model(own) for own in rows if isinstance(own.get("name"), str)]
+    found = [_model(run, own) for own in rows if isinstance(own.get("name"), str)]
     told = [m for m in found if m.errors and not (m.constraint == "free" and m.conservative is False)]
     return {m.name: m for m in told} if len({m.name for m in told}) == len(told) else {}
 
 
-def _model(own: Mapping[str, Any]) -> Row:
+def _model(run: Finished, own: Mapping[str, Any]) -> Row:
     errors = {}
     for kind in KINDS:
         cell = own.get(kind)
-        mm = rows(cell.get("rms_mm")) if isinstance(cell, dict) else None
-        if isinstance(mm, float | int | Spread):
-            errors[kind] = mm
+        found = cell.get("rms_mm") if isinstance(cell, dict) else None
+        if isinstance(found, float | int | dict):
+            errors[kind] = _error(run, f"models: {own['name']}, {kind}", found)
     keys = ("name", "structure", "constraint", "prior", "method", "conservative")
     drawn = {key: str(own.get(key) or "none") for key in ("structure", "constraint")}
     return Row({key: own.get(key) for key in keys} | drawn, prior=bool(own.get("prior")), errors=errors)
+
+
+def _error(run: Finished, place: str, found: float | Mapping[str, Any]) -> float | Spread:
+    """Read an error or its spread [mm]; a missing end is NaN."""
+    told = found if isinstance(found, Mapping) else dict.fromkeys(ENDS, found)
+    missing = {key: math.nan for key in ENDS if told.get(key, 0) is None}
+    try:
+        read = SPREADS.validate_python({**told, **missing})
+    except ValidationError as err:
+        keys, _, problem = first_invalid_value(err)
+        raise InputError(run.file, f"{place}, {'.'.join(map(str, keys))}", problem) from err
+    if any(mm < 0 or mm > MAX_ERROR_MM for mm in triple(read)):
+        raise InputError(run.file, place, f"expected an RMS error of 0 to {MAX_ERROR_MM:g} mm, got {found}")
+    return read if isinstance(found, Mapping) else found
 
 
 def models_compared(a: Finished, b: Finished) -> list[Row]:

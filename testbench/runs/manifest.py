@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import re
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,12 +17,13 @@ from pydantic_core import from_json
 
 from testbench.arm.document import first_invalid_value
 from testbench.arm.mjcf import MAX_MESH_BYTES, asset_paths, read_mjcf
-from testbench.errors import InputError, open_file, read_bytes, read_text
+from testbench.errors import InputError, open_file, printable, read_bytes, read_text
 from testbench.registry import Registry
 from testbench.runs.interrupt import SESSION
 
 NAME = "manifest.json"
 MAX_BYTES = 16 * 2**20  #: Largest one that is read [byte].
+MAX_INTEGER = 2**63  #: Integers of JSON data are below it.
 
 
 class Manifest(BaseModel):
@@ -88,7 +90,7 @@ def read_run(folder: Path) -> Finished:
     about, files = folder / NAME, [folder / name for name in REPORTS]
     report = next(filter(Path.is_file, files), files[0])
     try:
-        told = Manifest.model_validate_json(read_bytes(about, MAX_BYTES))
+        told = Manifest.model_validate_json(json.dumps(read_plain(about)))
     except ValidationError as err:
         raise input_error(about, err) from err
     plain = read_plain(report)
@@ -113,17 +115,34 @@ def input_error(file: Path, err: ValidationError) -> InputError:
 
 
 def read_plain(path: Path) -> JsonValue:
-    """Read JSON data.
+    """Read JSON data; what would steer a terminal or a browser in its texts is replaced.
 
     Raises:
-        InputError: When the file cannot be read, is too large or too deep, or is no JSON.
+        InputError: When the file cannot be read, is too large or too deep, is no JSON, or has a number that
+            is infinite or too large; names the place.
     """
     text = read_text(path, MAX_BYTES)
     try:
         found: JsonValue = from_json(text, allow_inf_nan=False)
     except ValueError as err:  # also one of thousands of digits, and data that are too deep
         raise InputError(path, "", f"not JSON: {err}") from err
-    return found
+    return _checked(path, found, ())
+
+
+def _checked(path: Path, value: JsonValue, place: tuple[str, ...]) -> JsonValue:
+    """Check numbers and clean texts of JSON data; the keys of `place` lead to them."""
+    if isinstance(value, dict):
+        cleaned = {printable(key): own for key, own in value.items()}
+        return {key: _checked(path, own, (*place, key)) for key, own in cleaned.items()}
+    if isinstance(value, list):
+        return [_checked(path, own, (*place, str(k))) for k, own in enumerate(value)]
+    if isinstance(value, str):
+        return "\n".join(map(printable, value.split("\n")))
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(path, ".".join(place), f"expected a finite number, got {value}")
+    if isinstance(value, int) and not -MAX_INTEGER <= value < MAX_INTEGER:
+        raise InputError(path, ".".join(place), "expected an integer of 64 bits, got a larger one")
+    return value
 
 
 PACKAGE = Path(__file__).resolve().parents[1]  #: Folder of testbench's modules.

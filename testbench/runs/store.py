@@ -294,6 +294,7 @@ def series(path: Path, keys: Mapping[str, str]) -> dict[tuple[str, str], list[di
     Raises:
         InputError: When the file is damaged.
     """
+    found: dict[tuple[str, str], list[dict[int, float]]] = {}
     with _opened(path) as file:
         schema = file.schema_arrow
         texts = [own.name for own in schema if pa.types.is_string(own.type)]
@@ -302,15 +303,14 @@ def series(path: Path, keys: Mapping[str, str]) -> dict[tuple[str, str], list[di
         wanted = {own: under + key for own, key in keys.items() if heads and under + key in schema.names}
         words = [under + MODEL, *(name for name in texts if not name.startswith(under))] if wanted else []
         cells = file.read([SEED, *words, *wanted.values()], use_threads=False)
-    found: dict[tuple[str, str], list[dict[int, float]]] = {}
-    for name, key in wanted.items():
-        known = cells.filter(pc.is_finite(pc.field(key)))
-        conditions = known.group_by(words, use_threads=False).aggregate([(SEED, "list"), (key, "list")])
-        for row in conditions.to_pylist():
-            seeds, numbers = row[f"{SEED}_list"], row[f"{key}_list"]
-            if len({*seeds}) == len(seeds):  # else the words do not name all of the condition
-                own = found.setdefault((row[under + MODEL], name), [])
-                own.append(dict(zip(seeds, numbers, strict=True)))
+        for name, key in wanted.items():
+            known = cells.filter(pc.is_finite(pc.field(key)))
+            conditions = known.group_by(words, use_threads=False).aggregate([(SEED, "list"), (key, "list")])
+            for row in conditions.to_pylist():
+                seeds, numbers = row[f"{SEED}_list"], row[f"{key}_list"]
+                if len({*seeds}) == len(seeds):  # else the words do not name all of the condition
+                    own = found.setdefault((row[under + MODEL], name), [])
+                    own.append(dict(zip(seeds, numbers, strict=True)))
     return found
 
 

@@ -5,6 +5,7 @@ import shutil
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from made_up_run import REPORT
 from run_here import check_folder, do, fine, numbers_alone, refused
@@ -238,9 +239,19 @@ def broken(text):
     return lambda run: (run / "report.json").write_text(text)
 
 
+def with_error(text):
+    return broken(f'{{"models": [{{"name": "a", "check": {{"rms_mm": {text}}}}}]}}')
+
+
 HOSTILE = {
     "too deep": (broken("[" * 100_000), "report.json: not JSON: recursion limit"),
     "infinite": (broken('{"a": {"b": Infinity}}'), "report.json: not JSON: expected value at line 1"),
+    "beyond": (broken('{"a": {"b": 1e999}}'), "report.json: a.b: expected a finite number, got inf"),
+    "integer": (broken(f'{{"a": 1{"0" * 400}}}'), "report.json: a: expected an integer of 64 bits"),
+    "size": (with_error("1e300"), "models: a, check: expected an RMS error of 0 to 1e+09 mm, got 1e+300"),
+    "sign": (with_error("-1.0"), "models: a, check: expected an RMS error of 0 to 1e+09 mm, got -1.0"),
+    "word": (with_error('{"median": "x", "p05": 1, "p95": 2}'), "models: a, check, median: "),
+    "values": (with_error('{"median": 1, "p05": 1, "p95": 2, "values": 3}'), "models: a, check, values: "),
     "bytes": (lambda run: (run / "report.json").write_bytes(b"\xff"), "report.json: byte 1: expected UTF-8"),
     "no table": (broken("[]"), "report.json: expected a table of keys, got list"),
     "no report": (lambda run: (run / "report.json").unlink(), "report.json: cannot be read"),
@@ -250,6 +261,13 @@ HOSTILE = {
         "manifest.json: command: this key is missing",
     ),
     "trials": (lambda run: (run / "trials.parquet").write_bytes(b"PAR1"), "trials.parquet: expected trials"),
+    "errors that are words": (
+        lambda run: write_trials(
+            run / "trials.parquet",
+            pa.table({"seed": [1], "name": ["MLS56"], "workspace.rms_mm": ["x"]}),
+        ),
+        "trials.parquet: expected trials",
+    ),
 }
 
 
@@ -260,6 +278,17 @@ def test_a_broken_folder_is_one_line_that_names_the_file_and_leaves_nothing(many
     spoil(run)
     line = refused("compare", many, run, "--out", tmp_path / "out", said=words, below=tmp_path)
     assert line.startswith(f"error: {run}")
+
+
+def test_texts_of_a_report_steer_neither_page_nor_terminal(one, tmp_path):
+    def steer(report):
+        report["models"][0]["name"] = report["models"][0]["name"] + "\x1b[2J"
+
+    runs = [changed(one, tmp_path / name, "report.json", steer) for name in "ab"]
+    printed = fine("compare", *runs, "--out", tmp_path / "out")
+    written = [(tmp_path / "out" / name).read_text() for name in ("report.html", "report.md", "report.json")]
+    assert all("\ufffd[2J" in text for text in (printed, *written[:2]))
+    assert not any("\x1b" in text for text in (printed, *written))
 
 
 def test_runs_with_nothing_in_common_are_one_line(one, tmp_path):
