@@ -99,12 +99,12 @@ class Badge:
             near = "" if low <= 1 <= high else f", within {100 * ALIKE:g} %"
             of = "" if len(self.ties) < 2 else f" of {rival} to {winner}"
             size = f"{self.what} ratio{of} {self.factor:.2f}, {seen.format(f'{low:.2f}', f'{high:.2f}')}"
-            return Markdown(f"Tie{near}: {winner} is about as good as {tied} ({size}).")
+            return Markdown(f"Tie{near}: {winner} matches {tied} ({size}).")
         if self.chance is not None:
             sure = f"a {first} improves with a probability of {100 * self.chance:.0f} %"
             return Markdown(f"Likely: {times}; {sure} (median of {pairs}).")
         head = f"Holds: {times}" if self.verdict == "holds" else f"Do not use {rival}: {size}"
-        also = f"; {winner} is about as good as {tied}" if tied else ""
+        also = f"; {winner} matches {tied}" if tied else ""
         return Markdown(f"{head} ({seen.format(ratio(low, high), ratio(high, low))}){also}.")
 
     def _told(self, name: str) -> str:

@@ -92,8 +92,8 @@ LONG = "averylongwordwithoutanyblankinitanywhereatall"
     [
         ("Short enough", "Short enough", ""),
         (
-            "Tie: a is about as good as b (error ratio 1.00, n 8).",
-            "Tie: a is about as good as b",
+            "Tie: a matches b (error ratio 1.00, n 8).",
+            "Tie: a matches b",
             "Error ratio 1.00, n 8.",
         ),
         ("One sentence ends here. The other is long.", "One sentence ends here", "The other is long."),
