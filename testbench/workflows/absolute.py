@@ -516,9 +516,13 @@ def _sentence(own: Sequence[UndeterminedQuantity], joints: Sequence[str]) -> str
     names = _listed(hidden.name for hidden in own)
     shares = _range_text([100 * hidden.remaining_variance_share for hidden in own], 0)
     left = f"{shares} % of the prior variance remains"
-    if behind := _listed(name for hidden in own for name in hidden.confounded_with):
+    if behind := [name for hidden in own for name in hidden.confounded_with]:
         correlation = _range_text([hidden.multiple_correlation for hidden in own], 2)
-        words = f"{names} cannot be separated from {behind} (correlation {correlation}, {left})"
+        apart = f"{names} cannot be separated from {_listed(behind)}"
+        if len(own) > 1:  # errors of one joint
+            every = _listed([*(hidden.name for hidden in own), *behind])
+            apart = f"{every} cannot be separated from each other"
+        words = f"{apart} (correlation {correlation}, {left})"
     else:
         words = f"{names} {'is' if len(own) == 1 else 'are'} not determined ({left})"
     turn = own[0].joint_to_turn

@@ -178,3 +178,12 @@ def test_what_readings_leave_open_is_one_sentence_for_each_advice_and_names_each
         "a2's compliance is not determined (100 % of the prior variance remains): 40 more poses hardly help; "
         "another load may help",
     )
+    first, second, third = (f"a1's error of order {k}" for k in (1, 2, 3))
+    among = [
+        UndeterminedQuantity(first, (second,), 0.8, 0.95),
+        UndeterminedQuantity(second, (third,), 0.9, 0.99),
+    ]
+    assert sentences(among, ["a1", "a2"]) == (
+        "a1's errors of orders 1, 2, 3 cannot be separated from each other "
+        "(correlation 0.95 to 0.99, 80 to 90 % of the prior variance remains)",
+    )
