@@ -13,7 +13,7 @@ from refused import refused
 from scipy.spatial.transform import Rotation
 
 from testbench.arm.folder import Arm, load_arm
-from testbench.data.dataset import Dataset, select_runs, split_by_pose
+from testbench.data.dataset import Dataset, select_runs, series_from_runs, split_by_pose
 from testbench.errors import BenchError, InputError
 from testbench.files.read_pairs import read_csv
 from testbench.files.table import read_table
@@ -127,6 +127,15 @@ def test_covariances_and_lost_targets_are_read_back(tmp_path):
     lost = file.read_text().splitlines()[1 + 3 + 2]
     assert lost.split(",")[-6:] == [""] * 6
     assert lost.count(",,") >= 4
+
+
+def test_a_deflection_varies_as_its_two_readings_together():
+    data = dataset()
+    alike = 2 * data.sigma**2 * np.eye(3)
+    np.testing.assert_allclose(data.covariance, np.broadcast_to(alike, data.covariance.shape), rtol=1e-12)
+    own = precise()
+    [readings] = series_from_runs(own, "readings", "tool")
+    np.testing.assert_allclose(readings.precision, np.tile(2 * own.precision, (2, 1, 1, 1)), rtol=1e-12)
 
 
 def test_what_cannot_be_written_leaves_no_file(tmp_path):
