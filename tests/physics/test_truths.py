@@ -20,6 +20,7 @@ from testbench.plant.cast import (
     equivalent_plate_thickness,
     scale_walls,
 )
+from testbench.report.schema import TRUE_ARM_LABELS
 from testbench.runs.rows import trial_rng
 from testbench.workflows.campaign import Scenario, simulate, true_cell
 from testbench.workflows.models import PRIORS, WRONG_FACTOR, WRONG_ROTATION, prior_of, wrong_prior
@@ -227,6 +228,11 @@ def test_the_family_gives_every_seed_the_next_kind_and_an_unknown_name_is_answer
     for find, names in ((true_cell, true_arms.FAMILY_TRUE_ARMS), (prior_of, PRIORS)):
         with pytest.raises(BenchError, match=", ".join(names)):
             find(kr500, "rubber", 1)
+
+
+def test_every_kind_has_words_of_its_own():
+    assert list(TRUE_ARM_LABELS) == list(TRUE)
+    assert len({*TRUE_ARM_LABELS.values()}) == len(TRUE)
 
 
 STEEL = elastic.Material(2.1e11, 0.3)

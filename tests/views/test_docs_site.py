@@ -34,6 +34,14 @@ def test_every_page_to_learn_and_to_do_has_a_picture():
         assert re.search(r"!\[[^]]{10,}\]\(|^    alt: .{10,}$", text, re.MULTILINE), name
 
 
+@pytest.mark.parametrize("name", [name for name in PARTS["Learn"] if name.startswith("tutorials/")])
+def test_a_tutorial_ends_with_what_to_do_next_and_is_stored_without_outputs(name):
+    text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    assert text.startswith("---\nfile_format: mystnb\n")
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE)[-1] == "What to do next"
+    assert "data:image" not in text
+
+
 @pytest.fixture(scope="session")
 def site():
     """The site that `make docs` has built before it runs these tests."""
