@@ -548,7 +548,8 @@ def _listed(names: Iterable[str]) -> str:
         owners.setdefault(what, []).append(owner)
     listed = owners.pop("", [])
     for what, parts in owners.items():
-        listed.append(f"{what} ({', '.join(parts)})" if len(parts) > 1 else f"{parts[0]}{OWNER}{what}")
+        several = f"{what.replace('error of', 'errors of')} ({', '.join(parts)})"
+        listed.append(several if len(parts) > 1 else f"{parts[0]}{OWNER}{what}")
     return ", ".join(listed)
 
 

@@ -178,6 +178,7 @@ def test_what_readings_leave_open_is_one_sentence_for_each_advice_and_names_each
         "a2's compliance is not determined (100 % of the prior variance remains): 40 more poses hardly help; "
         "another load may help",
     )
+    assert sentences(lost[2:4], ["a1", "a2"])[0].startswith("errors of order 1 (a1, a2) are not determined")
     first, second, third = (f"a1's error of order {k}" for k in (1, 2, 3))
     among = [
         UndeterminedQuantity(first, (second,), 0.8, 0.95),
