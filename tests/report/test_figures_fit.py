@@ -447,6 +447,7 @@ def test_the_figure_of_a_model_has_eigenvalues_sag_stiffness_and_what_the_runs_t
     check_bars(sag, [row.part for row in f.details.sag], [row.share_percent for row in f.details.sag])
     check_bars(parts, [row.part for row in f.seen.blocks], [row.told_percent for row in f.seen.blocks])
     check_bars(last, ["way 1", "way 2", "way 3"], [0.1, 0.2, 0.3])
+    assert [text.get_text() for text in last.texts] == [" 0.100 mm", " 0.200 mm", " 0.300 mm"]
     colours = {"link": hexadecimal(LINK), "joint": hexadecimal(NOMINAL)}
     for bar, row in zip(sag.patches, f.details.sag, strict=True):
         assert to_hex(bar.get_facecolor()).upper() == colours[row.part.partition("_")[0]]
