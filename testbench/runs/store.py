@@ -106,6 +106,8 @@ def _differences(prefix: str, have: object, want: Mapping[str, Any]) -> dict[str
 
 GROUP = 2**15  #: Rows of a row group.
 MAX_BYTES = 10**10  #: Of a file.
+MAX_UNPACKED = 2 * 10**10  #: Bytes of all columns of a file.
+MAX_COMPARED_ROWS = 2_000_000  #: Rows whose numbers are compared by seed.
 MODEL = "name"  #: Column of models.
 TYPES = {bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
 
@@ -231,11 +233,15 @@ def write_trials(path: Path, table: pa.Table) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[parquet.ParquetFile]:
-    """Open a file of trials; InputError where the block finds it damaged."""
+    """Open a file of trials after a look at its size; InputError where the block finds it damaged."""
     try:
         with open_file(path, MAX_BYTES):
             pass  # a plain file
         with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+            about = file.metadata
+            unpacked = sum(about.row_group(k).total_byte_size for k in range(about.num_row_groups))
+            if unpacked > MAX_UNPACKED:
+                raise ValueError(f"expected at most {MAX_UNPACKED} bytes unpacked, got {unpacked}")
             yield file
     except (OSError, KeyError, ValueError, TypeError, RecursionError, pa.ArrowException) as err:
         problem = f"expected trials in Parquet: {err}: it is damaged; move it away to start afresh"
@@ -296,6 +302,8 @@ def series(path: Path, keys: Mapping[str, str]) -> dict[tuple[str, str], list[di
     """
     found: dict[tuple[str, str], list[dict[int, float]]] = {}
     with _opened(path) as file:
+        if file.metadata.num_rows > MAX_COMPARED_ROWS:
+            raise ValueError(f"expected at most {MAX_COMPARED_ROWS} rows, got {file.metadata.num_rows}")
         schema = file.schema_arrow
         texts = [own.name for own in schema if pa.types.is_string(own.type)]
         heads = [name.removesuffix(MODEL) for name in texts if f".{name}".endswith(f".{MODEL}")]

@@ -13,9 +13,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from testbench.errors import BenchError, InputError
+from testbench.runs import store as stores
 from testbench.runs.engine import do_chunk
 from testbench.runs.spread import Number, Share
-from testbench.runs.store import PARTS, WHOLE, TrialPlan, open_store, write_parquet
+from testbench.runs.store import PARTS, WHOLE, TrialPlan, open_store, series, write_parquet
 
 TOY = TrialPlan("toy", {"load": {"mass": 2.0}, "poses": [1, 2]}, range(7, 12))
 
@@ -255,3 +256,18 @@ def test_a_scenario_is_plain_data(tmp_path):
     for x in (math.nan, {1, 2}):
         with pytest.raises(BenchError, match="scenario: expected plain JSON data"):
             fill(tmp_path, [7], TrialPlan("toy", {"x": x}, range(7, 12)))
+
+
+def test_a_table_of_trials_that_unpacks_too_large_or_has_too_many_rows_is_refused(tmp_path, monkeypatch):
+    """As `compare` reads one that somebody handed in: zeros pack to almost nothing."""
+    rows = pa.table({"name": ["A"] * 1000, "seed": list(range(1000)), "rms_mm": [0.0] * 1000})
+    pq.write_table(rows, tmp_path / WHOLE)
+    keys = {"RMS": "rms_mm"}
+    assert series(tmp_path / WHOLE, keys)
+    for limit, said in (
+        ("MAX_UNPACKED", "expected at most 999 bytes unpacked"),
+        ("MAX_COMPARED_ROWS", "999 rows"),
+    ):
+        with monkeypatch.context() as patched, pytest.raises(InputError, match=said):
+            patched.setattr(stores, limit, 999)
+            series(tmp_path / WHOLE, keys)
