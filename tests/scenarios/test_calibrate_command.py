@@ -181,7 +181,7 @@ def test_a_series_never_seen_is_scored_by_frame_and_mount_alone(made, readings, 
         assert done.stdout.startswith(head)
     same = tmp_path / readings[0].name  # one of the name of a fitted one: its tracker stands elsewhere
     for file, lines, told in (
-        (readings[2], None, "--frame-poses fits a frame of its own"),
+        (readings[2], None, "--frame-poses fits a new frame"),
         (readings[0], 2, "determine frame and target"),
     ):
         same.write_text("\n".join(file.read_text().splitlines()[:lines]) + "\n")
