@@ -295,7 +295,7 @@ def _short_names(names: Sequence[str]) -> list[str]:
 
 CALIBRATION_TABLES = {
     "steps": (
-        "Kinds of error tried, and the held-out error of the calibrated arm with each; small gains are dropped",
+        "Kinds of error tried, and the held-out error of the calibrated arm with each",
         "tried verdict after_mm series_after_mm",
     ),
     "errors": ("Fitted readings", "what error.mean_mm error.rms_mm error.p95_mm error.max_mm"),
