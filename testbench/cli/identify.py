@@ -224,7 +224,7 @@ def _fit(f: Row) -> list[Row]:
         "95 % bound of the residuals that noise alone causes, mm": f.noise_p95_mm,
         f"unknowns of {f.seen.structure}": f.seen.unknowns,
         "rank: directions of the unknowns that the runs determine": f.seen.seen,
-        "measured deflections divided by those that the arm's folder predicts": f.scale,
+        "measured deflections divided by those computed from the arm's folder": f.scale,
         "force in the map of half widths, N": places.get("force_N"),
         "moment in the map, N m": places.get("moment_Nm"),
         "poses in the map": places.get("places"),

@@ -270,8 +270,8 @@ def candidate_set(spec: PlanSpecification, q: Array) -> CandidateSet:
     )
     if spec.prior_uncertainty is None and seen < r:
         raise BenchError(
-            f"poses: {spec.n_poses} determine at most {seen} of the {r} directions of "
-            f"{spec.setup.scaling.structure.name} that these loads can determine; "
+            f"{spec.n_poses} poses are too few: of the {r} directions of {spec.setup.scaling.structure.name} "
+            f"that these loads can determine, they determine at most {seen}; "
             f"expected at least {-(-r * spec.n_poses // seen)} poses, or a prior for the other directions"
         )
     return CandidateSet(every, load, problem)

@@ -425,7 +425,7 @@ def _deviation(
     if (missing := own & np.isnan(stated)).any():
         point = f"{1e3 * usual[0]:g} mm for the fixed point"
         words = {"tilt": "0.5 deg for the direction", "fixed_sigma": point, "zero_sigma": "no constant"}[what]
-        notes.append(f"no column states the uncertainty in {missing.sum()} rows: {words} is assumed")
+        notes.append(f"{missing.sum()} rows have no stated uncertainty: {words} is assumed")
     values = np.where(own, np.where(np.isnan(stated), usual[0], stated), 0.0)
     name = source.name if isinstance(source, ReadColumn) else what
     bad = ~((values >= 0) & (values <= usual[1]))

@@ -308,7 +308,7 @@ COMPUTED = re.compile(r"\s*[-+*/^]")  #: Behind a number that is a part of a for
 SPLIT = re.compile(r"\s*,\s*[\d.]")  #: Behind a number with a decimal comma, where axes have names.
 MARK = "Corrected by testbench"  #: Remark of a program whose points were corrected.
 NO_FRAME = r"(?:tool|wobj|base)?0|\$NULLFRAME"  #: Name of a frame that is none.
-ANY = "Linear moves and moves of the joints to points in the program are read"
+ANY = "Linear and joint moves are read, if their target points are in the program"
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from testbench.files.names import (
 MAX_BYTES = 20_000
 CONSTANTS = ("joint", "mass", "force", "moment", "point", "sigma", "tilt", "fixed_sigma", "zero_sigma")
 """Quantities that may be one number for the whole file."""
-PLACES = "names of columns go below [columns], one number for the whole file below [values]"
+PLACES = "put names of columns below [columns], and a number that holds for the whole file below [values]"
 IGNORE, LOST = "ignore", "lost"  #: Keys of the words for points that are no markers, and for lost targets.
 
 Text = Annotated[str, Field(min_length=1, max_length=200)]
@@ -366,7 +366,7 @@ def _unknown(our: str, their: str, name: str, choices: Mapping[str, list[tuple[s
     if "{" in their:
         return f"expected the same {{...}} in both names, got {name!r}"
     joints = ", ".join(joint for joint, _ in choices["joint"]) or "none"
-    return f"expected one of our quantities with its unit, got {our!r}; joints are {joints}"
+    return f"unknown quantity {our!r}; expected one of testbench with its unit; joints are {joints}"
 
 
 def _columns(

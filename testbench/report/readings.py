@@ -86,9 +86,9 @@ def _others(f: Row) -> Iterator[tuple[str, str]]:
         yield "largest deflection, mm", f"{f.deflection_mm.most:.3f}, {f.farthest}"
     if f.get("away"):
         away = f"{f.away.distance_mm:.3f}, {f.away.target}"
-        yield "largest distance of an unloaded reading from the undeflected arm, mm", away
+        yield "largest distance of an unloaded reading from its place on the undeflected arm, mm", away
     if f.get("scale") is not None:
-        yield "measured deflections divided by those that the arm's folder predicts", f"{f.scale:.2f}"
+        yield "measured deflections divided by those computed from the arm's folder", f"{f.scale:.2f}"
 
 
 def report(row: Row, registered: RegisteredDataset) -> Report:

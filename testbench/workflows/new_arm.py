@@ -408,15 +408,15 @@ WORDS = {
     "outside": "not of this arm, so left out: {names}",
     "placeholders": "every link weighs {0:g} kg in the file, which no arm does: not used",
     "renamed": "names changed to allowed ones: {names}",
-    "rods": "these bodies are held at zero, so their collisions do not count: {names}; "
-    "describe a balancer's spring in [compensator] of elastic.toml",
+    "rods": "not checked for collisions, because their joints are held at zero: {names}; if they are a "
+    "balancer, describe its spring in [compensator] of elastic.toml",
     "springs": "springs in the file are left out: {names}; describe a balancer's spring in [compensator] of "
     "elastic.toml",
     "gravcomp": "gravcomp in the file is left out, so these bodies have their weight: {names}",
     "sites": "markers at the sites of the robot's file",
     "specks": "no mass in the file, nor any to estimate: {mg:g} mg is assumed for {names}",
     "tool": "tool at {first!r} of the robot's file",
-    "touching": "hulls that touch in most poses, so their collisions do not count: {names}",
+    "touching": "not checked for collisions, because their hulls touch in most poses: {names}",
 }
 """Sentence of every kind of note."""
 RUNS = {
@@ -490,10 +490,11 @@ def elastic_toml(chain: ImportedChain, wishes: UserInputs, proposal: Proposal) -
     """
     payload, note = _quantity(proposal.payload, "kg", "as stated by --payload-kg", "published"), ""
     if wishes.payload is None:
-        note = f"from its mass of {chain.mass:.4g} kg and reach of {beam_reach(chain, chain.tip.pose):.2f} m"
+        reach = beam_reach(chain, chain.tip.pose)
+        note = f"from the arm's mass of {chain.mass:.4g} kg and reach of {reach:.2f} m"
         if bare := [part.name for part in chain.parts[1:] if not part.weighed]:
             no = "masses" if len(bare) == chain.n_joints else f"mass of {', '.join(bare)}"
-            note += f", the file has no {no}"
+            note += f" (partly assumed: the file has no {no})"
         payload = _quantity(proposal.payload, "kg", note)
     names = {"tool": [proposal.tool.name], "load": [proposal.load[0]]}
     names["markers"] = names["sites"] = [name for name, _ in proposal.markers]
@@ -540,8 +541,9 @@ def _joint_rows(chain: ImportedChain) -> list[str]:
 
 def _to_confirm(name: str, proposal: Proposal, payload: str, proposed: Sequence[str]) -> list[str]:
     """Comments: what matters most for the sag first; the payload's note is empty where somebody states it."""
+    stated = f"payload {proposal.payload:g} kg, {payload}; the joint compliances depend on this payload"
     confirm = [
-        *([f"payload {proposal.payload:g} kg, {payload}; joint compliances depend on it"] if payload else []),
+        *([stated] if payload else []),
         f"joint compliances, by a rule whose typical error on known robots is a factor of {SPREAD:g}",
         f"links as tubes of {_material(proposal)}; outer diameter from the shapes, inner diameter 0.9 of it",
         *proposed,

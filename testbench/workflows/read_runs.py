@@ -209,7 +209,7 @@ def read_export_file(cell: Cell, options: ReadingOptions, mapping: Path | Map | 
     arm = replace(cell.arm, markers=markers)
     export = read_export(options.dataset, arm, mapping or options.mapping, sigma, options.load)
     if not export.data.wrench.any():
-        raise InputError(options.dataset, "", "expected loads, all forces and moments are 0")
+        raise InputError(options.dataset, "", "expected at least one load, but all forces and moments are 0")
     return export
 
 

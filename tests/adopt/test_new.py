@@ -95,7 +95,7 @@ def test_rods_that_follow_a_joint_do_not_cut_the_wrist_off_and_touch_nothing(tmp
     assert f"6 joints, tool at '{flange}'" in said
     names = ", ".join(f"rod_joint_{k}" for k in range(1, 5))
     assert f"not between base and tool, so held at zero: {names}" in said
-    still = "these bodies are held at zero, so their collisions do not count"
+    still = "not checked for collisions, because their joints are held at zero"
     assert f"{still}: rod_1, rod_2, rod_3, rod_4" in said
     assert "hulls that touch" not in said
     assert (load_arm(tmp_path / "mine").limits[:, 2] == (-2, 1.5)).all()

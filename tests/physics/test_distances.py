@@ -376,7 +376,10 @@ def test_rows_of_a_table_with_a_direction_are_heights_over_a_plane(kr500, tmp_pa
     assert (plane.name, point.name) == ("d plane 1", "d point 2")
     assert (plane.plane_normal, point.plane_normal) == ((0.0, 0.0, 1.0), None)
     np.testing.assert_allclose(plane.distance, [[0], [-1.5e-3]])
-    assert any("in 2 rows: 0.5 deg for the direction is assumed" in note for note in export.notes)
+    assert any(
+        "2 rows have no stated uncertainty: 0.5 deg for the direction is assumed" in note
+        for note in export.notes
+    )
 
 
 @pytest.mark.parametrize(

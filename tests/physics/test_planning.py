@@ -193,7 +193,10 @@ def test_too_few_poses_without_prior_and_unknown_criteria_are_refused(spec, pose
     with pytest.raises(BenchError, match="no criterion 'X'; criteria are D, A, E, G, I, test"):
         make_plan(spec, "X", poses, Feasibility(lambda q: q), trial_rng(1))
     bare = replace(spec, prior_uncertainty=None, n_poses=6)
-    with pytest.raises(BenchError, match=r"at most 36 of the 49 .* 9 poses, or a prior"):
+    with pytest.raises(
+        BenchError,
+        match=r"of the 49 directions .* at most 36; .* 9 poses, or a prior",
+    ):
         candidate_set(bare, poses)
 
 

@@ -63,7 +63,7 @@ def test_a_spreadsheet_is_understood_and_shown(spreadsheet):
     report = json.loads((out / "report.json").read_text())
     assert report["scale"] == pytest.approx(1, abs=0.1)
     assert (
-        f"measured deflections divided by those that the arm's folder predicts: {report['scale']:.2f}"
+        f"measured deflections divided by those computed from the arm's folder: {report['scale']:.2f}"
         in words
     )
     shown = {row[0]: row[1] for row in tables_of((out / "report.md").read_text())[1][1]}
@@ -133,7 +133,7 @@ def test_both_examples_hold_the_same_loads_and_deflections():
         ("A{n}", "A{k}", "columns.joint_{n}_deg: expected the same {...} in both names, got 'A{k}'"),
         ("P3 =", "P4 =", "words.P4: expected one of before, after, P1, P2, P3, ignore, lost, or"),
         ("Pose {pose} /", "Pose {pose} :", "line 4, column Group: expected 'Pose {pose} : {mass_kg} kg'"),
-        ("_mm", "_deg", "columns.{axis}_deg: expected one of our quantities"),
+        ("_mm", "_deg", "columns.{axis}_deg: unknown quantity"),
         ("frame =", "= frame", "not TOML"),
         (
             '"tracker"',
@@ -148,9 +148,9 @@ def test_both_examples_hold_the_same_loads_and_deflections():
         (
             "frame =",
             "mass = 5\nframe =",
-            "values, scale; names of columns go below [columns], one number for",
+            "values, scale; put names of columns below [columns], and a number",
         ),
-        ('"Point"', "5", "columns.marker: expected the name of a column in quotation marks, got 5; names of"),
+        ('"Point"', "5", "columns.marker: expected the name of a column in quotation marks, got 5; put"),
     ],
 )
 def test_a_wrong_map_is_one_line(tmp_path, old, new, text):
@@ -174,7 +174,7 @@ def test_runs_of_an_arm_without_joints_are_looked_at_and_refused_without_any_loa
     lines = [rows[0], *([*row[:column], "0", *row[column + 1 :]] for row in rows[1:])]
     runs.write_text("\n".join(map(",".join, lines)))
     line = refused("data", "check", "single_link", runs)
-    assert line == f"error: {runs}: expected loads, all forces and moments are 0\n"
+    assert line == f"error: {runs}: expected at least one load, but all forces and moments are 0\n"
 
 
 def test_a_file_with_names_of_its_own_is_shown_by_the_map_that_they_suggest(tmp_path):
@@ -192,7 +192,7 @@ def test_a_file_with_names_of_its_own_is_shown_by_the_map_that_they_suggest(tmp_
         in said
     )
     assert 'before_x = "X unbelastet [m]"' in said
-    assert "measured deflections divided by those that the arm's folder predicts: " in said
+    assert "measured deflections divided by those computed from the arm's folder: " in said
     refused("data", "check", ARM, file, said="for one load in the whole file, give --load", below=tmp_path)
     absolute = ROOT / "testbench/layouts/readings.csv"  # in our names, without a load
     said = re.search(r"these readings from the nominal arm is (\S+) mm", fine("data", "check", ARM, absolute))

@@ -184,7 +184,7 @@ def test_what_nobody_stated_is_to_be_confirmed_the_payload_first_and_nothing_els
     made = tomllib.loads(elastic)
     assert (made["payload"]["value"], made["payload"]["origin"]) == (4.9, "estimated")
     first = next(line for line in elastic.splitlines() if line.startswith("#  1."))
-    assert "payload 4.9 kg, from its mass of 20 kg and reach of 1.10 m" in first
+    assert "payload 4.9 kg, from the arm's mass of 20 kg and reach of 1.10 m" in first
     assert "payload" not in stated.split("format = 1")[0]
     assert made["tool"] == "tool_"  # the robot has a part of that name
     assert made["to_confirm"] == ["tool_", "load", "P1", "P2", "P3"]
