@@ -9,7 +9,7 @@ from spoil import Spoil, holds, instead, link, sparse
 
 from testbench.files import text
 from testbench.files.robot import meshes, robot
-from testbench.runs import manifest
+from testbench.runs import manifest, store
 
 MANY = 16_000_000  #: Bytes of a large file.
 
@@ -55,5 +55,6 @@ def test_the_security_page_states_the_limits_of_the_readers():
         f"a robot file {robot.MAX_BYTES // 10**6} MB and {robot.MOST_OF['joint']} joints",
         f"a mesh {meshes.MAX_BYTES // 10**6} MB",
         f"the arrays of a model {manifest.MAX_ROOT // 10**6} MB",
+        f"trials {store.MAX_UNPACKED // 10**9} GB when unpacked",
     ]
     assert ", ".join(said) in " ".join(page.split())
