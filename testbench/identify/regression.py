@@ -300,6 +300,8 @@ def non_redundant_structure(vjm: Vjm, structure: Structure, *, name: str) -> Str
 
 # --- Reduction of readings: rows [A | y] folded by QR into triangular factors, group by group ---------------
 
+MAX_SORTED_RUNS = 16 * RUNS_PER_BATCH
+"""Runs that are sorted by their groups at a time: limits memory."""
 MAX_NUMBERS_IN_MEMORY = 3_000_000
 """Numbers of the equations of absolute readings that are in memory at a time."""
 PANEL_COLUMNS = 16  #: Columns that LAPACK eliminates at a time: few, as the blocks are short.
@@ -515,8 +517,7 @@ def reduce_by_group(
     check_runs(vjm, data)
     data, lines = resolve_line_readings(vjm, data), data.line_direction is not None
     # Rows are made and folded block by block, so that memory does not grow with the runs.
-    pose = data.pose_id if lines else np.arange(len(group))
-    for these in pose_batches(group, pose, RUNS_PER_BATCH):
+    for these in _blocks_of(group, data.pose_id if lines else np.arange(len(group))):
         load = Load(data.wrench[these], data.point[these])
         chains = {
             v: undeflected_arm(set_load_history(v, data.unloaded_after_load, these), data.q[these], [load])
@@ -535,6 +536,14 @@ def reduce_by_group(
         else GroupedRegression(s, factors[0], place)
         for s, place in zip(structures, places, strict=True)
     ]
+
+
+def _blocks_of(group: Ids, pose: Ids) -> Iterator[Ids]:
+    """Divide runs into batches of about RUNS_PER_BATCH, sorted within some thousand runs at a time."""
+    for first in range(0, len(group), MAX_SORTED_RUNS):
+        block = slice(first, first + MAX_SORTED_RUNS)
+        for these in pose_batches(group[block], pose[block], RUNS_PER_BATCH):
+            yield first + these
 
 
 def pose_batches(group: Ids, pose: Ids, batch_size: int) -> Iterator[Ids]:

@@ -83,7 +83,7 @@ def test_runs_that_come_in_several_blocks_are_each_counted_once(kr500, monkeypat
         evaluate_chain(kr500.vjm, data.q), structure, data.wrench, data.point, kr500.vjm.markers
     )
     rows = np.column_stack([A.reshape(-1, structure.n_parameters), data.deflection.ravel()])
-    monkeypatch.setattr(regression, "RUNS_PER_BATCH", 8)
+    monkeypatch.setattr(regression, "MAX_SORTED_RUNS", 8)
     found = np.column_stack(reduce(kr500.vjm, structure, data).weighted_equations) * np.sqrt(2) * asked.sigma
     expected = (rows.T @ rows)[:-1]  # but for the readings' own sum, a part of which is no row
     np.testing.assert_allclose((found.T @ found)[:-1], expected, rtol=1e-9, atol=1e-12 * expected.max())
