@@ -297,7 +297,7 @@ def _payloads(arm: Checked) -> Iterator[str]:
     payload = arm.elastic.payload
     if payload is not None and payload.origin == "estimated":
         off = f"one in ten such estimates is wrong by more than a factor of {PAYLOAD_OFF:g}"
-        yield f"its payload of {payload.value:g} kg is only estimated, {off}: enter the rated one"
+        yield f"its payload of {payload.value:g} kg is only estimated ({off}): enter the rated one"
 
 
 def _behind(arm: Checked) -> Iterator[str]:

@@ -397,7 +397,7 @@ class Common:
 
 
 def plain(*asked: object, read: str, without: Sequence[str] = ()) -> dict[str, object]:
-    """Collect flags as plain data but for places of results; of files their names and digests.
+    """Collect flags as plain data but for results and their places; of files their names and digests.
 
     Args:
         read: Field that is a file or several, beside `mapping`.
@@ -407,7 +407,7 @@ def plain(*asked: object, read: str, without: Sequence[str] = ()) -> dict[str, o
     Returns:
         The flags by name.
     """
-    left = {"out", "report", "force", *without}
+    left = {"out", "report", "force", "recording", *without}
     flags = {name: value for own in asked for name, value in vars(own).items() if name not in left}
     for name in (read, "mapping"):
         given = flags[name] if isinstance(flags[name], list) else [flags[name]]

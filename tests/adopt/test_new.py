@@ -251,7 +251,7 @@ def test_guesses_are_doubted(tmp_path):
     assert [name for name in checked.cell.arm.markers if checked.doubted(name)] == ["P0", "P1", "P2"]
     found = [doubt.sentence for doubt in checked.doubts]
     for said in (
-        r"its payload of \d+ kg is only estimated, .*",
+        r"its payload of \d+ kg is only estimated \(.*",
         r"tool is inside link_6 as drawn, 2\d\d mm from its end: .*",
         r"P0 is \d+ mm behind the flange: .*",
     ):
